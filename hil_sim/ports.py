@@ -138,7 +138,7 @@ class SteadyNodes(Protocol):
     ) -> None:
         """Answer as many SYNCs as change nothing but setpoints and measurements; none if in doubt.
 
-        Arguments: as those of `World.exchange_block`; `handlers` of all frames, by CAN-ID. No timer
-        is due, and no frame is sent, before the last SYNC. Each SYNC that `answers` gets the
-        expected frames of has taken place.
+        Arguments: as those of `World.exchange_block`; `handlers` of all frames, by CAN-ID. The
+        caller makes sure that no timer is due and no other frame is sent before the last SYNC.
+        `answers` gets the expected frames of the SYNCs that were answered, and of no others.
         """

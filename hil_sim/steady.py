@@ -1,9 +1,9 @@
 """Several SYNCs of all drives in one call, while nothing but demand and measurements changes.
 
-That is so in csp with the mapping of our own driver, one RPDO and one TPDO per drive: each sends
-its statusword, position and force, and takes over target and force offset. Each layer of a drive
-says by itself what it takes for nothing else to happen (`PdoEngine.sole`, `MotionControl.steady`).
-Where anything else is possible, no SYNC is taken, and the drives take it one by one.
+This is possible in csp with the mapping of our own driver, one RPDO and one TPDO per drive: each
+sends its statusword, position and force, and takes over target and force offset. Each layer of a
+drive states its own conditions for nothing else to happen (`PdoEngine.sole`,
+`MotionControl.steady`). Where anything else may happen, the drives handle the SYNCs one by one.
 """
 
 from __future__ import annotations
@@ -26,16 +26,18 @@ _SETPOINT = np.dtype([("word", "<u2"), ("target", "<i4"), ("offset", "<i2")])
 _SAMPLE = np.dtype([("status", "<u2"), ("position", "<i4"), ("force", "<i2")])
 _SIZE = _SETPOINT.itemsize  # of either
 _CAUTION = 1.0 - 1e-9
-"""Share of a bound that counts: bounds are in other units there, and rounded."""
+"""Share of a bound that is used, as bounds are converted to other units and rounded."""
 
 
 class _Part(NamedTuple):
-    """One drive's.
+    """One drive's share of a block of SYNCs.
 
     Attributes:
-        statusword: for as long as it is steady.
-        within: the bounds of that.
-        setpoints: of all SYNCs, as `_SETPOINT`.
+        drive: the drive.
+        rpdo: the one that it receives.
+        statusword: that it sends for as long as the SYNCs are steady.
+        within: bounds within which they are.
+        setpoints: of all SYNCs, records of `_SETPOINT`, shape (K,).
         within_count: how many of these, from the first on, are within the bounds.
     """
 
@@ -100,7 +102,7 @@ def _part(
     handlers: Handlers,
     frames: Sequence[bytes],
 ) -> _Part | None:
-    """A drive that takes these frames, under this id, and gives this answer, if it is steady."""
+    """The part of a drive that receives these frames under this id; None if it is not steady."""
     sole, within = drive.pdo.sole, drive.motion.steady()
     if sole is None or within is None:
         return None

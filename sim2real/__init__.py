@@ -9,10 +9,12 @@ The rooms, each importing only from those above it:
 - `tracking`: a simulation kept on the recorded course, and its innovations
 - `fitting`: the model of one axis fitted to the innovations
 - `shrinkage`: how far a model shrinks the gap, also on held-out moves
-- `free_loop`: up to six effects of an axis, by what users see
-- `attribution`: which effects explain it
+- `dictionary`: where to start fitting each effect, to innovations or in the free loop
+- `free_loop`: up to six effects of an axis, fitted and judged in the free closed loop
+- `open_loop`: the force along a measured motion, for recordings without a demand
+- `attribution`: which effects explain the gap
 - `experiment`: the moves to record next
-- `diagnosis`: all of it in order
+- `diagnosis`: all of it in order, up to the verdict
 - `blind`: the diagnosis checked on sealed stages
 """
 

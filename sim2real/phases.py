@@ -129,8 +129,8 @@ def split_phases(demand: FloatArray, period: float) -> AxisPhases:
 def split_moves(recording: Recording, period: float) -> tuple[MoveBlock, ...]:
     """The recording's moves, each with the rest after it; found in its demands if not listed.
 
-    Where no moves are listed, a block begins where an axis starts from a standstill of all axes;
-    where there is no standstill, where the axis that travels farthest reverses.
+    Where no moves are listed, a block begins where an axis starts from a standstill of all axes. If
+    that gives fewer than three blocks, each stroke of the axis that travels farthest is one.
 
     Args:
         recording: of K samples.

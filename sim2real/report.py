@@ -180,7 +180,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect that was considered, whether or not it was taken as a cause.
+    """An effect that was considered, whether or not it was taken as a cause, as reported.
 
     Attributes:
         axis, effect, probability: as of a cause.
@@ -322,7 +322,7 @@ class FittedFigure:
 
 @dataclass(frozen=True, slots=True)
 class EmpiricalForce:
-    """A force that no effect explains, over position, direction and velocity: no cause.
+    """A description, not a cause, of the force that no effect explains.
 
     F = always(x) + against(x) sgn(v) + over_velocity(v), each linear between its nodes.
 
@@ -330,11 +330,11 @@ class EmpiricalForce:
         axis: its name.
         gap_closed: share of the gap in force along the motion that it closes on held-out strokes.
         position: nodes [m].
-        always, against: at these [N].
+        always, against: forces at these nodes [N].
         velocity: nodes [m/s].
-        over_velocity: at these [N].
-        coulomb: what `against` makes of the model's Coulomb force at the nodes over position, as a
-            factor; 1 where the model has none above the floor, and `against` is 0 there.
+        over_velocity: forces at these nodes [N].
+        coulomb: `against` as a factor on the model's Coulomb force, at the nodes over position; 1
+            where that force is below the floor, and `against` is 0 there.
     """
 
     axis: str
@@ -380,7 +380,11 @@ class GapReport:
         recordings: by name.
         verdict: one of `VERDICTS`.
         reason: one sentence.
-        channels, where, causes, candidates, confusable: in the order of the report.
+        channels: faults of channels.
+        where: cells of motion that hold most of the gap, largest share first.
+        causes: effects found, largest share of the gap first.
+        candidates: effects considered.
+        confusable: sets of effects that the recordings cannot tell apart.
         gap: axis -> signal -> figures.
         gap_closed: on held-out moves; None where the gap is too small (G0^2 < 1.5 floor^2) or
             nothing was fitted.
@@ -390,7 +394,7 @@ class GapReport:
             none.
         steps: of axes where effects were added one after another.
         mode: `CLOSED_LOOP`, or `OPEN_LOOP` where forces are compared along the measured motion.
-        clock: from when effects that fade with time count; None for a single recording.
+        clock: sentence on the time from which fading effects count; None for a single recording.
         fitted: figures that the machine file leaves unknown.
         empirical: descriptions of what no effect explains; empty where it is explained.
         next_experiment: None where nothing is left to distinguish.

@@ -1,7 +1,14 @@
 """One SYNC on the bus: setpoints before it, process data after it; SYNC is ours or the kernel's.
 
 Keeps the SYNC grid and counts lateness. What lateness means, and what stops the axes, is decided in
-`cycle.py`; what comes back is `reception.py`'s.
+`cycle.py`; what comes back is `reception.py`'s. A SYNC takes one of these ways:
+
+- `_follow_kernel`: the kernel sends it, and the first one after our setpoints is theirs
+- `_exchange_in_time`: sent here at its instant, on any bus; the other two end here where they
+  cannot go on
+- `DirectExchange.run_one`, from `_lead`: one call, on a bus that delivers in its sender's thread
+- `DirectExchange.run_block`, from `run_at_once`: one call for several SYNCs on such a bus
+- `_open_window`: an extra one without setpoints, where those would miss the drives' SYNC window
 """
 
 from __future__ import annotations

@@ -34,31 +34,31 @@ def make_constants(elements: int, stribeck_velocity: float, stribeck_shape: floa
 
 
 def count_states(elements: int) -> int:
-    """One."""
+    """One: the friction force itself."""
     return 1
 
 
 @kernel()
 def retained(law, rate, period):  # type: ignore[no-untyped-def]
-    """Nothing: the force follows the speed at once."""
+    """0: the force follows the speed at once, without relaxation."""
     return 0.0
 
 
 @kernel()
 def has_presliding(law):  # type: ignore[no-untyped-def]
-    """None."""
+    """False: the law predicts no force before the axis slides."""
     return False
 
 
 @kernel()
 def breakaway_travel(law, coulomb, stiffness, alpha):  # type: ignore[no-untyped-def]
-    """No presliding [m]."""
+    """0, without presliding [m]."""
     return 0.0
 
 
 @kernel()
 def stick_range(law, forces, known, coulomb):  # type: ignore[no-untyped-def]
-    """No range in which the force would show a stiffness [N]."""
+    """An empty range: there is no stiffness to show [N]."""
     return 0.0, 0.0
 
 

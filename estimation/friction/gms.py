@@ -211,7 +211,10 @@ def begin_zone(law, trace):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True)
 def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyped-def]
-    """Take a whole period in one step while all stick (a spring) or all slip far above vs."""
+    """Take a whole period at once, while all elements stick, or all slip far above vs.
+
+    Returns False, with nothing changed, where neither is so. Sticking elements add up to a spring.
+    """
     if trace.sliding == 1.0:
         if fast:
             _relax(figures, trace, direction, 0.0, figures.retained, figures.period)
@@ -236,7 +239,13 @@ def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyp
 
 @kernel()
 def step(law, figures, trace, travel, direction, before, rise, time):  # type: ignore[no-untyped-def]
-    """Move every element by a displacement [m] within `time` [s]; see `FrictionLaw.step`."""
+    """Move every element by a displacement [m] within `time` [s]; see `FrictionLaw.step`.
+
+    An element sticks through the step, slips through it, or begins to slip in it (`_land`). Where
+    all slip already, `_relax` extends the common map instead. Returns the sum of the shares nu_i of
+    the elements that begin to slip, and the force error that an error of the position makes
+    when they do [N/m].
+    """
     n, element, alpha = law.elements, trace.element, figures.alpha
     curve = 1.0 + alpha * rise
     if rise == 0.0 and time == figures.period:
@@ -285,10 +294,13 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
 
 @kernel()
 def _land(trace, i, figures, share, direction, before, rise, time, part, decay):  # type: ignore[no-untyped-def]
-    """Element i reaches its limit, itself moving, inside the step (10 arguments: those of step).
+    """Let element i begin to slip inside a step (10 arguments: those of `step`).
 
-    What is left of the step it slips, so that nothing jumps where the step it lands in changes.
-    `part`: d force/d sigma0 of the whole step [m]; the others are those of `step`.
+    Its limit moves linearly from nu_i (1 + alpha before) Fc to nu_i (1 + alpha rise) Fc. It sticks
+    until it meets the limit and slips for the remaining share of the step, so force and derivatives
+    stay continuous when a parameter moves that point into another step.
+
+    `share`: nu_i; `part`: d force/d sigma0 of the whole step [m]; `decay`: exp(-rate dt/s) of it.
     """
     element, coulomb, alpha = trace.element, figures.coulomb, figures.alpha
     curve, stretch = 1.0 + alpha * rise, figures.stiffness * part
@@ -321,7 +333,10 @@ def _land(trace, i, figures, share, direction, before, rise, time, part, decay):
 
 @kernel()
 def release(law, figures, trace, direction):  # type: ignore[no-untyped-def]
-    """Every element sticks; returns how far their sum is from the limit at zero speed [N]."""
+    """Make every element stick.
+
+    Returns how far those that slipped are from their limits at zero speed, added up [N].
+    """
     _bring_up_to_date(law, trace)
     n, away = law.elements, 0.0
     static = figures.coulomb * (1.0 + figures.alpha)
@@ -366,7 +381,10 @@ def _add_up(law, figures, trace):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True)
 def _relax(figures, trace, direction, rise, decay, time):  # type: ignore[no-untyped-def]
-    """All slip for `time` [s]: extend the map, and apply it to the sums."""
+    """Let all elements slip for `time` [s]: extend their common map, and apply it to the sums.
+
+    In F_i <- K F_i + nu_i G: K <- K decay, G <- G decay + (1 - decay) direction s Fc.
+    """
     m, total, before = trace.map, trace.total, trace.before
     curve = 1.0 + figures.alpha * rise
     goal = direction * curve

@@ -1,7 +1,7 @@
 """The split-horizon estimator: friction figures after every move, for the next one.
 
-`estimator` (its face), `update` (one move, compiled: `solver`, then `judge`), `outcome` and
-`estimate` (what it came to), `settings`; `belief` is what is known between moves.
+`estimator` is its interface. `update` takes one move, compiled (`solver`, then `judge`); `outcome`
+and `estimate` hold the result, `belief` what is known between moves.
 """
 
 from estimation.online.belief import (

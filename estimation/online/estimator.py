@@ -44,15 +44,16 @@ from stagedata import FrictionFigures
 
 _NONE = np.zeros(0, np.bool_)
 _LEARNED = 0.05
-"""A level known to this is no longer being learned: its changes are then the stage's own."""
+"""Relative sigma of the level below which its changes count as the stage's own, not as learning."""
 _LEAST_SHOWN = 0.98
-"""A move that leaves more than this share of the level's variance shows no trend either."""
+"""A move that leaves more than this share of the level's variance is not used for the trend."""
 _FEW, _RECENT = 3, 15
-"""Accepted moves before the usual misfit is known, and over how many the median is taken."""
+"""Number of accepted moves beyond which the usual misfit is known, and number of the latest ones
+whose median it is."""
 _MOVES = 15
-"""Over how many moves it is learned how much acts beside the model."""
+"""Number of moves over which scatter and what acts beside the model are averaged."""
 _GUESS = 0.3
-"""What it is taken for before the first move weighs as much as this share of one."""
+"""Weight of the initial guess of such a variance, in moves."""
 _LEAST_UNMODELLED = 0.003
 """Least rms of the unmodelled force, relative to the Coulomb force at the start."""
 CERTAIN = 0.3
@@ -442,7 +443,7 @@ class SplitHorizonEstimator:
         known: bool,
         whole: bool,
     ) -> Outcome:
-        """The compiled update; see `update.update_move`."""
+        """Run the compiled update; see `update.update_move`."""
         size, disturbed = len(move.position), _NONE if move.disturbed is None else move.disturbed
         if not len(move.force) == len(move.valid) == size or len(disturbed) not in (0, size):
             raise ValueError("position, force and valid must have the same length")

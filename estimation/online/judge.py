@@ -1,4 +1,15 @@
-"""Whether an estimate can be trusted, and which figures the move determines."""
+"""Whether an estimate can be trusted, and which figures the move determines.
+
+Of each figure, with mean m and variance P before (-) and after (+) the move:
+
+    n = P- - P+                      variance of the change, as of a Kalman filter's step
+    jump:        |ln(m+/m-)| > max(jump sqrt(s n)/m-, jump_share)
+    innovation:  z = (m+ - m-)^2 / n, expected 1;  share of information  h = n/P-
+    s <- s + h (z - s)/(weight + h)  factor on the figure's variance (Birge's ratio), 1 or more
+    gain:        P-/P+ - 1, information of the move over that of the prior; held if it is small
+
+The move alone, without the prior, shows m- + (m+ - m-) P-/n with the variance P+ P-/n.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +39,13 @@ KNOWN_SCALE, SCALE_SHARE = 0.02, 0.05
 """The force per acceleration counts as known below this relative sigma, and as changed when it
 changes by more than this share."""
 SHOWS_SCALE = 0.02
-"""A move shows whether the force's scale is right if it alone determines the apparent mass to this
-relative sigma."""
+"""Largest relative sigma of the apparent mass, as a move alone shows it, at which the move tells
+whether the force's scale is right."""
 MOST_MISSED = 0.2
 """Largest rms model error of this and earlier moves, relative to the Coulomb force. Above it some
 other effect acts, and an onset or a curve that is found is due to that effect."""
 LEARNED = 0.3
-"""A figure with a larger relative sigma is still a guess: its past changes say nothing."""
+"""A figure with a larger relative sigma is still a guess, and its past changes do not count."""
 UNUSUAL = 1.6
 """A move whose misfit exceeds the usual one by more than this factor gets less weight: its model
 error is not typical of other moves."""
@@ -91,12 +102,12 @@ def judge(prepared, solution, missed, axis, whole, before, after):  # type: igno
 
 @kernel()
 def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
-    """The first figure that changes by more than drift can explain, or -1.
+    """The first figure that jumps, i.e. changes by more than its variances allow; -1 if none does.
 
-    A move changes a figure by as much as it narrows it (the variance of a Kalman filter's step is
-    that before less that after): one that says little may not change much. Figures are scales, and
-    may as well be eight times as large as believed as an eighth: a change is that of the logarithm.
-    Once a figure is known, what its changes have been counts too.
+    A move that narrows a figure little may not change it much. Figures are scales, and eight times
+    the expected value is as likely as an eighth of it, so changes are those of the logarithm. Once
+    a figure is known to `LEARNED`, the size of its earlier changes (s) widens what is allowed.
+    Arguments as of `judge`.
     """
     for i in range(MASS):
         narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
@@ -170,7 +181,7 @@ def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-unt
 
 @kernel()
 def scale_covariance(covariance, innovations, scale, weights, most):  # type: ignore[no-untyped-def]
-    """Multiply by the mean square of the normalised innovations (Birge's ratio), 1 or more.
+    """Multiply variances by the mean square of the normalised innovations, 1 or more.
 
     Args:
         covariance: of all states, shape (STATES, STATES); changed.
@@ -216,7 +227,10 @@ def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def
 
 @kernel()
 def _hold(figure, held, before, after):  # type: ignore[no-untyped-def]
-    """Reset one figure to its prior and correct the others and the covariance accordingly."""
+    """Reset figure i to its prior; correct the others j and the covariance by regression on it.
+
+    m_j += P_ij/P_ii (m-_i - m_i),  P_jk += P_ij P_ik/P_ii^2 (P-_ii - P_ii)
+    """
     found, uncertain = after.mean, after.covariance
     variance, kept = uncertain[figure, figure], before.covariance[figure, figure]
     away = before.mean[figure] - found[figure]

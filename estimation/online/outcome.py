@@ -1,4 +1,4 @@
-"""What an update of one move comes to, as the kernels return it."""
+"""The result of the update by one move, as the kernels return it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ fewer than three valid samples, which is an error."""
 
 
 class Outcome(NamedTuple):
-    """Of one move; figures are relative to the start model, as in `belief`.
+    """The result of one move; figures are relative to the start model, as in `belief`.
 
     Attributes:
         verdict: ACCEPTED, or why not.

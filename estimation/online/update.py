@@ -149,9 +149,9 @@ def _measure_progress(position, axis):  # type: ignore[no-untyped-def]
 def _missed(solution, axis, coulomb):  # type: ignore[no-untyped-def]
     """Mean square of what the model missed in the move, relative to `coulomb` [N].
 
-    From the residual, or from its sums over neighbouring samples where they are alike. Under the
-    usual error: what the model is thought to miss must not confirm itself where the encoder's noise
-    hides it.
+    It follows from the residual, or from sums over neighbouring samples if these are larger,
+    whitened for the usual model error: a larger assumed error would confirm itself where the
+    encoder's noise hides the real one.
     """
     noise, usual = axis.force_noise**2, (axis.usual_error * coulomb) ** 2
     most = axis.misfit**2 * (noise + model_variance(axis, coulomb))
@@ -180,7 +180,7 @@ def _nothing(belief):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _zones_of(slide, stick):  # type: ignore[no-untyped-def]
-    """Row of `Axis.masks`: zone A, stick zones, or both, of the samples in each."""
+    """Row of a kind's masks (`settings.AXIS`), by the samples in zone A and in stick zones."""
     return 0 if stick == 0 else 1 if slide == 0 else 2
 
 
@@ -232,7 +232,7 @@ def _kind_of(prepared):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
-    """Resolution of which stretches of the force share an error [N]; 0: none; Fc in N."""
+    """Resolution of the force for `share_rounding` [N]; 0: not applied. `coulomb`: Fc [N]."""
     if axis.force_step >= 0.0:
         return axis.force_step
     # Where the model misses more than that, rounding is not what matters.
@@ -242,7 +242,7 @@ def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _is_tempered(solution, slide, axis, before, after):  # type: ignore[no-untyped-def]
-    """Whether a larger misfit makes the move count less: one that is refused anyway is left.
+    """Whether a large misfit should reduce the weight of a move: not if it is refused anyway.
 
     `before` and `after`: of the figures as the move has them.
     `slide`: samples of zone A.
@@ -256,7 +256,7 @@ def _is_tempered(solution, slide, axis, before, after):  # type: ignore[no-untyp
 
 @kernel()
 def _settle(verdict, solution, axis, asked, before, after):  # type: ignore[no-untyped-def]
-    """Hold what an accepted move does not determine: `after` is changed.
+    """Reset figures that an accepted move does not determine to their prior, in `after`.
 
     `asked`: figures that were solved for, shape (LEVEL,). Returns `Outcome`'s found, gain, held and
     sliding.

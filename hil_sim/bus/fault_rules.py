@@ -86,7 +86,7 @@ class FaultyLine:
         if frames:
             for release in held:
                 release()
-        else:  # lost: it has overtaken none of those held back
+        else:  # lost: frames that are held back wait for the next one
             self._held = held
 
     def _hold(self, latest_ns: int, send: Callable[[], None]) -> None:

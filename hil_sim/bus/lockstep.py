@@ -87,9 +87,10 @@ class LockstepBus(can.BusABC):
             expected: id and number of bytes of each data frame that SYNC is to cause, in order.
 
         Returns:
-            The data of the frames expected. Nothing where SYNC caused other ones, or fewer, or
-            more: all of them wait for `recv`. None where SYNC was not sent: frames wait for `recv`
-            before it, `at_ns` is past, or the world has faults. Time is `at_ns` at most.
+            The data of the frames expected. An empty sequence where SYNC caused other frames, or
+            fewer, or more; all of them wait for `recv`. None where SYNC was not sent, because other
+            frames wait for `recv`, the bus has filters, `at_ns` is past, or the world has faults.
+            Time never passes `at_ns`.
         """
         world, queue = self.world, self._queue
         if get_ident() != self._thread:
@@ -132,10 +133,11 @@ class LockstepBus(can.BusABC):
             answers: gets the data of these frames, SYNC by SYNC.
 
         Returns:
-            True where all rows were exchanged. False where the last SYNC has caused other frames
-            than expected, or fewer, or more: all of them wait for `recv`. None where the last row
-            was sent without its SYNC: frames wait for `recv` before it, its time is past, or the
-            world has faults. Time is that of the last row's SYNC at most.
+            True where all rows were exchanged. False where the last SYNC sent caused other frames
+            than expected, or fewer, or more; all of them wait for `recv`. None where the last row
+            was sent without its SYNC, because other frames wait for `recv`, the bus has filters,
+            the SYNC's time is past, or the world has faults. Rows after that one are not sent, and
+            time never passes the last row's SYNC.
         """
         if get_ident() != self._thread:
             self._raise_refusal()

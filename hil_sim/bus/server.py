@@ -77,7 +77,7 @@ class RealTimeSegment:
         Args:
             bus: open.
             clock: monotonic time [ns].
-            tick_ns: control period, kept in phase with SYNC; 0: not.
+            tick_ns: control period, kept in phase with SYNC [ns]; 0: no phase lock.
             reopen: see above.
             notify: see above.
         """

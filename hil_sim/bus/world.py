@@ -79,7 +79,7 @@ class World:
         self._handlers.unsubscribe(can_id, handler)
 
     def run_steadily_by(self, nodes: SteadyNodes) -> None:
-        """Have these nodes take several SYNCs in one call, wherever they can."""
+        """Hand several SYNCs at a time to these nodes, wherever they can take them."""
         self._steady = nodes
 
     def emit(self, can_id: int, data: bytes) -> None:
@@ -221,7 +221,7 @@ class World:
         return True
 
     def _most_at_once(self, owner: object, at_ns: int, period_ns: int) -> int:
-        """How many SYNCs from `at_ns` on pass before the next timer, with no other host."""
+        """How many SYNCs from `at_ns` on come before the next timer; 0 with another host."""
         others = len(self._queues) > 1 or self._others.get(owner, self._hosts)
         if others or self._delivering or not self.is_faultless or at_ns < self.now_ns:
             return 0

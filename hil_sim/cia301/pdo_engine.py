@@ -25,8 +25,8 @@ class PdoEngine:
         on_timeout: called when an RPDO was not received within its event timer.
 
     Attributes:
-        sole: where at every SYNC one RPDO is taken over and one TPDO sent, in virtual time, these;
-            else None.
+        sole: the only RPDO and the only TPDO of every SYNC; None where there are others, or none,
+            in real time, and with a SYNC window.
         on_sync: sends the synchronous TPDOs that are due, then applies the synchronous RPDOs
             received since the last SYNC.
     """

@@ -1,8 +1,13 @@
 """The device profile of a drive (CiA 402): power states, modes of operation, stops, faults.
 
-The controlword acts when it is written, by SDO or PDO. Option codes 0x605A to 0x605E and 0x6007
-select the stop: 0 none, 1 the ramp 0x6084, 2 and up the ramp 0x6085 (this drive has no stop at the
-current limit).
+The controlword acts when it is written, by SDO or PDO. Option codes select how the axis stops:
+
+- quick stop (0x605A), fault (0x605E): 0 force off at once; 1 the ramp 0x6084; 2 and up the ramp
+  0x6085, as this drive has no stop at the current limit. Quick stop also 5 and up: as 1 and up, but
+  the drive stays in QUICK STOP ACTIVE
+- shutdown (0x605B), disable operation (0x605C): 1 the ramp 0x6084; all others force off at once
+- halt (0x605D): 1 the ramp 0x6084; all others the ramp 0x6085
+- lost host (0x6007): 0 nothing, 1 a fault, 2 force off, 3 quick stop
 
 Faults that arise by themselves are a lost host (0x6007) and those of `supervision`. Any other, such
 as a lost encoder, is injected (`Drive.inject_fault`). Safe torque off removes the force and holds
@@ -118,9 +123,10 @@ class MotionControl:
             self._supervision.check_travel()
 
     def steady(self) -> Steady | None:
-        """What setpoints and measurements of csp may be without any other effect; None in general.
+        """Bounds within which SYNCs in csp change the demand and nothing else.
 
-        As long as they are within it, SYNCs change the demand and nothing else.
+        None where a SYNC may have other effects: outside csp, after a change of state or of the
+        mode's bits, beyond an end switch.
         """
         mode, quiet = self._modes.current, self._supervision.unsuspicious
         if (
@@ -135,7 +141,7 @@ class MotionControl:
         return Steady(self._word, *mode.limits, mode.ticks, *quiet)
 
     def note_steady(self, targets: Sequence[int]) -> None:
-        """Continue after SYNCs within `steady`, with these targets [units]."""
+        """Take over these targets [units] of SYNCs that the plant has run, all within `steady`."""
         self._modes.current.note_targets(targets)
         self._supervision.reset_following()
         self._supervision.reset_force()

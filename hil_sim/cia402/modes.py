@@ -94,7 +94,7 @@ class Mode:
         """Act at a SYNC, after the RPDOs have been latched."""
 
     def note_targets(self, targets: Sequence[int]) -> None:
-        """Continue after SYNCs with these targets [units], which the plant has been told."""
+        """Take over the targets [units] of SYNCs that the plant has run without this mode."""
 
     def tick(self) -> None:
         """Act once per TICK_NS, before the generator's next step is commanded."""
@@ -190,7 +190,7 @@ class CyclicPosition(Mode):
         return self._ticks
 
     def note_targets(self, targets: Sequence[int]) -> None:
-        """Continue after these targets."""
+        """See `Mode.note_targets`."""
         self._before, self._last = (self._last, *targets)[-2:]
 
     def on_sync(self) -> None:

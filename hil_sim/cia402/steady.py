@@ -1,4 +1,4 @@
-"""What SYNCs may bring in csp for nothing but the demand to change."""
+"""Bounds within which SYNCs in csp change the demand and nothing else."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Steady(NamedTuple):
-    """Bounds of setpoints and measurements; without any other event, nothing follows from these.
+    """Bounds of setpoints and measurements within which a SYNC in csp only moves the demand.
 
     Attributes:
         controlword: the only one.

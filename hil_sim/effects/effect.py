@@ -22,8 +22,8 @@ Group = Literal["mass", "motor", "friction", "force", "dynamics"]
 GROUPS: tuple[Group, ...] = ("mass", "motor", "friction", "force", "dynamics")
 
 _LEAST_COULOMB = 0.01
-"""Share of the rated force that Fc counts as at least, where forces are given in multiples of it:
-an axis on air has disturbances, too."""
+"""Smallest Fc that plausible forces are multiples of, as a share of the rated force: an axis on air
+bearings has disturbances, too."""
 
 
 def _coulomb(axis: AxisSettings) -> float:
@@ -87,7 +87,7 @@ class Parameter:
     def ranges(self, axis: AxisSettings) -> tuple[Interval, ...]:
         """Plausible values on this axis in SI units: one interval, or two of opposite sign.
 
-        None of a table.
+        Empty for a table.
         """
         if self.role == "table":
             return ()
@@ -151,7 +151,7 @@ class Effect(ABC):
         equation: as in docs/formats/effects.md.
         enters: how it enters the plant, in a sentence.
         remedy: what is usually done about it, in a sentence.
-        compensation: what a host does about it that knows it.
+        compensation: what a host that knows the effect does about it.
         searched: a diagnosis searches for it. False if an ordinary recording cannot show it: the
             parameter is a seed, the place is off the path.
         transmission: it comes with a screw, belt, rack or gear between motor and carriage: searched

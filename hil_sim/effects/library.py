@@ -83,9 +83,9 @@ def _sort_by_group(found: dict[str, Effect]) -> dict[str, Effect]:
 
 
 def possible_on(axis: AxisSettings, effects: Mapping[str, Effect]) -> dict[str, Effect]:
-    """Those of some effects that have usual values on an axis.
+    """The effects that can act on an axis and have plausible values there.
 
-    Unbalance, say, needs a rotary axis; a table has no usual values.
+    Unbalance, for example, needs a rotary axis; a table has no plausible values.
     """
     found = {}
     for name, effect in effects.items():

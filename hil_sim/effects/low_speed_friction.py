@@ -10,7 +10,8 @@ from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 _ROUNDED = 0.2
-"""Share of the speed within which the force turns round, as presliding does it for the rest."""
+"""Share of `speed` over which the force passes through zero at a reversal, which presliding does
+for the other friction."""
 
 
 class LowSpeedFriction(Effect):

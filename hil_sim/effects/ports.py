@@ -238,7 +238,7 @@ class EffectPorts:
         return force
 
     def standing_level(self, position: float, other: float) -> float:
-        """The factor on Fc at t = 0, at rest, but for the direction.
+        """The factor on Fc at t = 0 and at rest, without that of the direction.
 
         Args:
             position: of this axis [m].

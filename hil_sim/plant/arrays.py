@@ -93,7 +93,7 @@ def _control_record(control: ControlSettings) -> tuple[float | bool, ...]:
 
 
 class Arrays:
-    """The kernel's arguments for a stage at rest at the given positions.
+    """A stage as arguments of the kernels, at rest at the given positions.
 
     Args:
         settings: of the stage, effects included.

@@ -10,7 +10,7 @@ from the step's start to its end:
 
 with c = (n - 1)/(2n). Springs of oscillators take the whole change of velocity at once, which
 conserves their energy.
-The small change of friction is that of `gms.py`: there is no coarse step for other laws.
+Friction advances as in `friction/gms.py`; other laws have no coarse step.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""The plant the other way round: the force that a drive must have reported along a known motion.
+"""The inverse plant: the force that a drive must have reported along a known motion.
 
-The equations are those of `hil_sim.plant.mechanics`, solved for the motor instead of the carriage:
-no controller, no demand. One step per sample; friction and hysteresis follow the positions, so that
-nothing has to be integrated but oscillators. What lies before the reported force (dead time,
-current loop) cannot show, nor can a misreading of the encoder: its positions are the motion.
+The equations are those of `hil_sim.plant.mechanics`, solved for the motor force instead of the
+motion, without controller or demand. There is one step per sample: friction and hysteresis follow
+the positions, and only oscillators are integrated. What lies between controller and reported force
+(dead time, current loop) does not show, nor does a misreading of the encoder, whose positions are
+taken for the motion.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from stagedata.compiled import kernel
 F64 = NDArray[np.float64]
 
 _MOST = 0.999
-"""Share of a saturating motor's limit beyond which its current grows without bound."""
+"""Largest share of a saturating motor's limit that is inverted."""
 
 
 def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
     """Force actual value of every axis along a motion, float64[K, axes] [N], without noise.
 
-    A saturating motor cannot give more than its limit: where the motion takes more, the force is
-    that of 0.999 of the limit, 3.8 times the limit, and so less than what the motion would take.
+    Near the limit of a saturating motor the reported force grows without bound. Where the motion
+    takes more than 0.999 of the limit, the result is that of 0.999: 3.8 times the limit.
 
     Args:
         settings: of the stage.

@@ -54,7 +54,7 @@ def step(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
     orders, bounds, report,
 ):  # fmt: skip
-    """K times: execute commands, advance, report. Many arguments, so that `Plant` needs one call.
+    """Execute commands, advance and report, K times (15 arguments: one call for `Plant`).
 
     Arguments up to `ticks`: as those of `advance`, `ticks` each time. `orders`, float64[K, axes,
     5]: 1 to command, position [m], force offset [N], ticks; 1 to restart the worst following error.

@@ -138,7 +138,7 @@ class Plant:
             self._conclude(block, reports[: np.isfinite(reports[:, 0, 0]).sum()], ticks)
 
     def _conclude(self, block: SetpointBlock, reports: F64, ticks: int) -> None:
-        """Take over the state after as many instants as there are reports."""
+        """Bring time, noise and reports to the end of a block of as many instants as reports."""
         if not len(reports):
             return
         self.time_ns += len(reports) * block.period_ns

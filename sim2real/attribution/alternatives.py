@@ -44,11 +44,10 @@ class Alternative:
 def score_alternative(problem: AxisProblem, alternative: Alternative, each: float = OCCAM) -> float:
     """Score of an explanation, to be minimised: cost of the innovations and of the closed-loop gap.
 
-    The gap counts as twice a negative log likelihood too, of as many samples as are independent;
-    both under the present outliers. Of two explanations that fit, the simpler wins: each parameter
-    of an
-    effect but the first has to save `each`, or what a drift has to. So does the more plausible one:
-    values beyond their plausible ranges count against an effect.
+    Both parts are twice a negative log likelihood; that of the gap counts one sample in `COHERENT`,
+    as the others are correlated. Each parameter of an effect after the first adds `each` (of a
+    Coulomb level that changes with time: at most `OCCAM_COURSE`), so of two explanations that fit
+    equally well the simpler one wins. Values beyond their plausible ranges add to the score too.
 
     Args:
         problem: the axis.
@@ -92,9 +91,9 @@ class Ranking:
             self._kept[key] = alternative
 
     def _more_plausible(self, alternative: Alternative) -> Alternative:
-        """The fit, or the same with values clipped to what is plausible where that scores better.
+        """The fit, or the same with its values clipped to plausible ones if that scores better.
 
-        Where the data say nothing a fit may end anywhere.
+        A parameter that the data do not determine may end anywhere in a fit.
         """
         axis = self._problem.axis
         terms = tuple(clip_to_plausible(term, axis) for term in alternative.model.terms)
@@ -111,10 +110,10 @@ class Ranking:
         return score_alternative(self._problem, alternative)
 
     def reweigh(self, model: AxisModel) -> Alternative:
-        """Recompute all sets with the filter tuned to a model that was entered; returns that one.
+        """Retune the filter to a model that was entered, and weigh all sets anew; returns that one.
 
-        Whatever excites the stage makes friction less certain than the machine file's model
-        assumes.
+        What excites the stage beyond the machine file's model makes friction less certain than the
+        filter assumes until then.
         """
         self._problem.retune(model)
         for key, alternative in self._kept.items():

@@ -128,10 +128,11 @@ def _figures(term: Term, spread: F64, axis: AxisSettings) -> dict[str, Parameter
 
 
 def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Parameter]) -> float:
-    """Largest probability that a term's figures allow.
+    """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
 
-    An effect in another shape shows in the closed loop, whatever the sigma of its innovations; the
-    nearest to a free form may have any values, and so may one that leaves nothing to others.
+    Doubt arises from a size that may be zero by its sigma (unless the effect has another shape than
+    the library's, or the fit needs it), and from implausible values (unless the effect stands for a
+    free form, or alone explains the axis completely).
     """
     axis = found.problem.axis
     repeat = found.repeats.get(term.name)
@@ -149,9 +150,10 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
 
 
 def _is_needed(found: AxisSearch, term: Term) -> bool:
-    """Whether nothing is left, and much would be without an effect, however its size comes out.
+    """Whether the model is complete with an effect and scores clearly worse without it.
 
-    The flank of a bell at the end of the travel is there, and may be that of any higher bell.
+    Such an effect is present even if its size is uncertain: of a bell beyond the end of the travel
+    only the flank is seen, which bells of many heights share.
     """
     rest = {name for name in found.best.model.names() if name != term.name}
     score = {
@@ -183,10 +185,10 @@ def _sigma(
 ) -> float:
     """One sigma of a parameter: of the fit, the model's inaccuracy, and the friction's wander.
 
-    Trials on simulated stages scatter twice as much as the fit says. Sizes are known to a few
-    parts in a thousand at best, what scales Coulomb friction to two fifths of its wander, and
-    delays to a twentieth of the control period, by which integrators differ; integration also
-    damps or excites oscillators and detunes them.
+    Parameters scatter over simulated stages by about twice the sigma of the fit. Sizes are known to
+    0.3 % at best, factors on Coulomb friction to two fifths of its wander, and delays to a
+    twentieth of the control period, by which integrators differ. Integration also changes the
+    damping and the frequency of oscillators a little.
     """
     parameter = entry.parameter
     value = values[parameter.key]
@@ -212,8 +214,9 @@ def _sigma(
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     """Probability that an effect is present, and the effects that could take its place.
 
-    P = confidence / (1 + min(sum of odds, RIVALRY)): over the models without the effect,
-    odds = exp(-(score - least score) / (2 TEMPER)), or their odds as levels.
+    P = confidence / (1 + min(sum of odds, RIVALRY)). The sum runs over the models without the
+    effect: odds = exp(-(score - least score) / (2 TEMPER)), and over the effects on the Coulomb
+    level that could replace it, with the odds that `settle_levels` gave them.
     """
     problem = found.problem
     best = found.best
@@ -245,11 +248,11 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
 
 
 def _confidence(found: AxisSearch, effect: str) -> float:
-    """Confidence in a name: nearly 1, or by the share of the gap that it closes.
+    """Confidence in a name: nearly 1, or less the more of the gap the model leaves open.
 
-    An effect of the right family in another shape closes most of the gap, and its own kind takes
-    up the rest; the nearest relative of an unlisted effect closes less, two of them together
-    more (docs/blind.md).
+    An effect of the right family in another shape closes most of the gap, and the same effect
+    once more takes up the rest. The library's nearest relative of an unlisted effect closes less,
+    and two relatives together close more, so more is asked of them (docs/blind.md).
     """
     if effect in found.repeats and found.repeats[effect].departs and found.closes > FAMILY:
         return SURE_FAMILY

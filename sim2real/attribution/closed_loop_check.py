@@ -57,7 +57,7 @@ def _drop_invisible(
     measured: Sequence[Measured],
     settings: StageSettings,
 ) -> AxisModel:
-    """The model without effects whose removal does not show."""
+    """The model without the effects whose removal hardly widens the gap (less than `VISIBLE`)."""
     model = models[name]
     gap = axis_gap(name, models, measured, settings)
     for index in reversed(range(len(model.terms))):
@@ -74,7 +74,7 @@ def _gap(
     measured: Sequence[Measured],
     settings: StageSettings,
 ) -> float:
-    """Gap of an axis; for an effect in another shape, the gap that its kind leaves in that one."""
+    """Squared gap of an axis over floor; of a single effect in another shape, with its repeat."""
     gap = axis_gap(name, models, measured, settings)
     names = models[name].names()
     if len(names) == 1 and names[0] in found.repeats and found.repeats[names[0]].departs:

@@ -10,28 +10,29 @@ from __future__ import annotations
 from sim2real.shrinkage import FLOOR_LEVEL
 
 FITTED, FITTED_FAINT = 4, 7
-"""Most promising effects fitted in each step; and where all promise little."""
+"""Number of the most promising effects fitted in each step, and the number where all promise
+little."""
 WANDERS = 2
-"""Further effects that only the filter's wander supports."""
+"""Number of effects fitted besides that only the filter's wander supports."""
 PROMISING = 0.03
-"""Effects are fitted whose first-order gain is at least this share of the best one's."""
+"""Share of the best effect's first-order gain that an effect must reach to be fitted."""
 FAINT = 40.0
 """First-order gain (score) from which effects are fitted where the closed loop shows a gap."""
 OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows a gap."""
 RIVALS = 2
-"""Effects that came close in its place, with which each effect is tested again."""
+"""Number of effects that came close and are tried again in the place of each effect found."""
 LEAST_GAIN = 100.0
-"""Score that an effect must save: nominal stages show accidental ones of 12."""
+"""Score that an effect must save; on nominal stages effects save up to 12 by chance."""
 
 ROUNDS, ITERATIONS, OUTLIER_SHRINKAGE = 5, 4, 0.9
-"""Fits that an alternative may take until it has converged, iterations of each, and the share of
-its former value below which the outlier limit must not have fallen, or another fit follows."""
+"""Largest number of fits until an alternative has converged, and iterations of each. Another fit
+follows if the outlier limit has fallen below the last share of its former value."""
 LEAST_PROGRESS = 0.01
-"""Share of what the best leaves beyond noise that another fit has to gain."""
+"""Share of the best alternative's cost beyond noise that a fit must save for another to follow."""
 CONTENDERS, CLOSE, CLOSE_SHARE = 4, 1000.0, 0.1
-"""Alternatives that are refined, and the score (or share of it, or all that the best leaves beyond
-noise) within which they are considered close."""
+"""Number of alternatives that are refined. They are close if their scores exceed the best one's by
+no more than the largest of: `CLOSE`, this share of its score, its cost beyond noise."""
 
 OCCAM = 20.0
 """Score that each parameter of an effect after the first must save: more than chance does."""
@@ -44,39 +45,43 @@ COHERENT = 1000.0
 """Samples over which deviations of the closed loop are correlated, for their weight."""
 
 ORDERS = ((2.0, 3.0), (0.5,))
-"""Harmonics tried for a periodic effect; and its fundamental, in case the second was found."""
+"""Orders of the harmonics tried beside a periodic effect; 0.5 is the fundamental, in case the wave
+that was found is its second harmonic."""
 IN_TUNE = 0.02
-"""How far a wave that was fitted beside another may be from its harmonic, relative."""
+"""Largest relative distance of a second wave's order from a whole number."""
 REPEATED = 0.5
-"""Share of what is left (also of the free-run gap) that an effect must save when it is fitted once
-more beside itself, for it to depart from its equation."""
+"""An effect departs from its equation if fitting it once more beside itself removes at least this
+share of what is left, both of the innovations' cost beyond noise and of the free-run gap."""
 COURSE = 15.0
-"""Score that a Coulomb level that changes with time must save so: the filter follows it, and
-friction's wander hides it; true ones save up to 9 if the gap does not widen."""
+"""As `LEAST_GAIN`, for the repeat of a Coulomb level that changes with time. It is small because
+the filter follows the level and friction's wander hides it; where the effect has its equation's
+shape, a repeat that does not widen the gap saves up to 9."""
 SATISFIED = 3.0 * FLOOR_LEVEL
 """Squared gap over floor of an axis that needs nothing more."""
 AGAINST = 1.5
-"""How much wider than the machine file's own gap it must be without one of a pair, for the pair
-to be a single profile."""
+"""Two effects are a single profile if without one of them the squared gap is this many times that
+of the machine file."""
 
 CLOSES = 0.4
-"""Share of the gap, or of its remainder, that an effect must close where structure is left."""
+"""Where structure is left: share of the gap that the first effect must close, and share of the
+remainder that a second one must close."""
 SETS = 4
-"""Sets of effects of each size that are simulated then."""
+"""Number of sets of one effect, and of two, that are simulated for this."""
 
 TEMPER = 5.0
-"""Divisor of the log likelihood in the odds of names: innovations of the true model are white,
-those of a model that is right except for details are not."""
+"""Divisor of the log likelihood in the odds of names. Innovations would have to be white for a
+divisor of 1; those of a model that is right except for details are not."""
 RIVAL = 0.05
 """Odds from which an effect could take another one's place."""
 SIMPLER = 10.0
 """Score of a further parameter in the odds of names: simple causes are a little more probable."""
 RIVALRY = 0.9
-"""Largest odds of all alternatives together: what was chosen is the most probable or simplest."""
+"""Largest odds of all alternatives together; below 1, since the effects chosen are the most
+probable or the simplest."""
 STEEP = 4.0
-"""How fast confidence in the only name falls with the share of the gap that is left."""
+"""Loss of confidence per share of the gap that is left, for a single effect."""
 FAMILY = 0.55
-"""Least share of an axis' gap that an effect of the right family closes in the wrong shape."""
+"""Share of an axis' gap that an effect of the right family closes at least, in the wrong shape."""
 CLOSED = 0.8
 """Share of an axis' gap from which it counts as closed."""
 SURE, SURE_FAMILY, UNSURE = 0.99, 0.97, (0.05, 0.95)
@@ -91,7 +96,7 @@ SHOWN = 8
 SCATTER = 2.2
 """Scatter over simulated stages, over the sigma that a fit gives."""
 RELATIVE = 0.003
-"""Relative sigma of every size at best."""
+"""Smallest relative sigma that a size can have."""
 WANDER_SHARE = 0.4
 """Share of the friction's wander in the sigma of what scales Coulomb friction."""
 STEP_SHARE = 0.05

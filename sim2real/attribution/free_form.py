@@ -23,9 +23,10 @@ from sim2real.gap import Measured
 F64 = NDArray[np.float64]
 
 _OFTEN = 20.0
-"""Samples in motion from which a place of a profile is shown."""
+"""Weight of the samples at a node (`FrictionProfile.passed`) from which it is shown."""
 _CENTERS, _WIDTHS, _WIDER = 25, 6, 2.0
-"""Bells compared with a profile: centers, widths, and the widest over what is plausible."""
+"""Bells compared with a profile: number of centres and of widths, and the largest width as a
+multiple of the largest plausible one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +36,7 @@ class FreeForm:
     Attributes:
         effect: of the library, of that kind.
         share: of the residual force in motion that it predicts.
-        starts: where the effect comes near.
+        starts: terms of the effect that come nearest to that shape, to start a fit from.
     """
 
     effect: Effect
@@ -145,7 +146,7 @@ def _term(effect: Effect, axis: AxisSettings, values: Mapping[str, float]) -> Te
 
 
 def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list[Term]:
-    """Where an effect comes nearest to a profile: as a surplus and as a deficit."""
+    """The terms nearest to a profile: the best one with more and the best with less friction."""
     entries = _by_role(effect, axis)
     least, most = entries["size"].parameter.ranges(axis)[0]
     narrow, wide = entries["shape"].parameter.ranges(axis)[0]

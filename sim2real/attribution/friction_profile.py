@@ -1,8 +1,8 @@
 """Whether the residual force in motion is friction that varies over position.
 
-Any profile will do, linear between nodes: unlike a force over position, it has the sign of the
-velocity. Sliding friction follows its level at the relaxation rate (C/Fc): at speed a profile is
-felt late, and its short waves hardly at all.
+The profile is free, linear between nodes. Unlike a force over position it changes sign with the
+velocity. Sliding friction follows its level with the time constant Fc/C, so at speed it lags behind
+the profile, and short waves hardly show.
 """
 
 from __future__ import annotations

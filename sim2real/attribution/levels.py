@@ -1,9 +1,9 @@
 """Which effect changes the level of Coulomb friction, by the wander that it leaves.
 
-Innovations hardly tell such effects apart, because the filter follows the level: its figures of
-merit are noise there. But what it follows is no more than the wander of the machine file's
-`repeatability` if the effect is right. So each effect is weighed by its evidence: the probability
-of the level that was tracked, averaged over the plausible values of the effect.
+Innovations hardly tell such effects apart, because the filter follows the level whatever changes
+it. But with the right effect in the model, the filter has no more left to follow than the wander of
+the machine file's `repeatability`. So each effect is weighed by its evidence: the probability of
+the tracked level, averaged over the plausible values of the effect.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _SLIDING = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What a level that was tracked says of an effect.
+    """What a tracked Coulomb level says for or against an effect.
 
     Attributes:
         value: natural logarithm of the probability of the level, up to a common constant.
-        term: the effect where it comes nearest.
+        term: the effect with the values that come nearest to the level.
     """
 
     value: float
@@ -123,7 +123,7 @@ def weigh_levels(
     tracked = np.concatenate([track.level for track in tracks])
     level = ((1.0 + own) * (1.0 + tracked) - 1.0)[sliding]
     travelled = min(float(t.x.min()) for t in tracks), max(float(t.x.max()) for t in tracks)
-    # Energy that counts once: the wander is correlated.
+    # Energy of one independent sample of the wander, which is correlated in time.
     unit = 2.0 * problem.axis.correlation_time / period * problem.axis.wander**2
     found = {}
     for effect in effects:

@@ -43,8 +43,8 @@ def refine_contenders(
 ) -> Alternative:
     """The best of the trials, after all that come close have been fitted to convergence.
 
-    First fits stop early, with the gains of a model without the effect: they do not yet tell
-    which name is better.
+    The first fits stop early and use the filter gains of the model without the effect, so their
+    scores do not yet tell which effect is better.
     """
     ranking.reweigh(min(trials, key=ranking.score).model)
     names = {tuple(sorted(trial.model.names())) for trial in trials}

@@ -30,7 +30,8 @@ _MOVING = 0.02
 _FEWEST, _STROKES = 200, 8
 """Samples in motion and strokes that a verdict needs."""
 _SILENT = 1e-3
-"""Singular values below this share of the largest carry no information: places hardly passed."""
+"""Singular values below this share of the largest are left out: they are of places that the axis
+hardly passed."""
 _PRESLIDING = (2e-5, 5e-5)
 """Travel after a reversal in which friction of another stiffness or level differs [m]."""
 _LEVEL = 1
@@ -106,7 +107,7 @@ def explain_residual_force(
 
 
 def stop_operators(position: F64, widths: F64) -> F64:
-    """Stop operators: they follow the travel and slide at 1.
+    """Stop operators (Prandtl): the travel over the width, held at -1 and 1 until it reverses.
 
     Args:
         position: float64[T] [m].

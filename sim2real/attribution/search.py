@@ -60,7 +60,7 @@ class AxisSearch:
         open_gap: squared closed-loop gap over floor of the machine file on this axis.
         is_complete: whether `best` leaves nothing but noise, or there was nothing to explain.
         closes: share of the axis' free-run gap that `best` closes (`closed_loop_check`).
-        repeats: effects found, each once more beside itself (`shape_check`).
+        repeats: effect found -> fit with the same effect a second time (`shape_check`).
         alternatives: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan (`dictionary.Candidate`).
@@ -107,7 +107,7 @@ class AxisSearch:
         self.folds = [fold.model for fold in folds]
 
     def fold_models(self) -> list[AxisModel]:
-        """Models fitted to other moves than each fold's, where the free loop gave the figures."""
+        """See `sim2real.shrinkage.held_out.FittedAxis`: those of the free loop, where it ran."""
         return self.folds
 
     def discard(self, names: tuple[str, ...]) -> None:
@@ -268,8 +268,8 @@ def _leads_somewhere(
 ) -> bool:
     """Whether a step may be one of several that explain the axis.
 
-    Where n effects are to be found yet, the best removes an n-th of what is left; what acts is in
-    no list if none does.
+    Where up to n more effects act, the largest of them removes at least 1/n of what is left. If no
+    effect of the library does, what acts is not in the library.
     """
     share = 1.0 / (MOST_EFFECTS - depth)
     open_score = ranking.score(before) - problem.expected_cost()
@@ -279,7 +279,7 @@ def _leads_somewhere(
 
 
 def _rivals(ranking: Ranking, trials: Sequence[Alternative], best: Alternative) -> list[Term]:
-    """What was fitted in place of the last effect of the best trial and came close."""
+    """Effects that came close when fitted in place of the last effect of the best trial."""
     others = [ranking.best(trial.model.names()) for trial in trials]
     most = ranking.score(best) + CLOSE
     close = sorted((r for r in others if ranking.score(r) < most), key=ranking.score)

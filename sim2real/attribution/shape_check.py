@@ -97,7 +97,9 @@ def fit_repeats(
     loop: Callable[[AxisModel], float],
     share: Callable[[Effect, AxisModel], float],
 ) -> dict[str, Repeat]:
-    """Fit each effect found once more beside all of them; effects without a shape are left out.
+    """Fit each effect found a second time beside all of them.
+
+    Dynamic effects, and effects without a shape parameter, are left out.
 
     Args:
         problem: the axis.
@@ -145,10 +147,10 @@ def _fit_further(
     best: Fitted,
     loop: Callable[[AxisModel], float],
 ) -> Repeat:
-    """A repeat that closes enough and saves too little, fitted further.
+    """Fit a repeat further that closes enough of the gap and saves too little cost.
 
-    The derivatives by the base parameters were those of the single effect, and so was the limit
-    from which deviations count as outliers.
+    Until here, derivatives by the base parameters and outlier limit were those of the single
+    effect.
     """
     wide = problem.outlier
     problem.rescale(best.residual)
@@ -162,7 +164,9 @@ def _fit_further(
 def free_form_repeat(
     model: AxisModel, shares: tuple[float, float], gaps: tuple[float, float]
 ) -> Repeat:
-    """An effect in free form: what that would close, and what the library's nearest leaves.
+    """The repeat that stands for an effect in free form, which cannot be simulated.
+
+    Its gap is what the free form would leave; the gap before is that of the library's nearest.
 
     Args:
         model: with the nearest effect of the library.
@@ -236,7 +240,7 @@ def _is_periodic(effect: Effect) -> bool:
 
 
 def _harmonics(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
-    """The same wave at shorter pitches, or at higher frequencies, by these factors."""
+    """Values of the wave whose order, relative to the term's, is each of these."""
     return [
         tuple(
             v * _factor(p, order) for p, v in zip(term.effect.parameters, term.values, strict=True)
@@ -246,9 +250,9 @@ def _harmonics(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
 
 
 def are_harmonics(model: AxisModel, term: Term) -> bool:
-    """Whether all waves of an effect are harmonics of one; nothing else has to be.
+    """Whether all waves of an effect in a model are harmonics of one; True if it is not periodic.
 
-    Waves of any pitch describe any force over position.
+    Waves of arbitrary pitches could describe any force over position.
     """
     shape = next(i for i, p in enumerate(term.effect.parameters) if p.role == "shape")
     if not _is_periodic(term.effect):

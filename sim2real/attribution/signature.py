@@ -84,7 +84,7 @@ def effect_inputs(
 
 
 def first_order_signature(found: EffectInputs, gains: Gains) -> F64:
-    """Normalised innovations of the model without the term, float64[K]."""
+    """What a term would leave in the normalised innovations of a model without it, float64[K]."""
     out = np.zeros(len(gains.deviation))
     if found.force is not None:
         out += innovation_response(gains, gains.force, found.force)
@@ -94,10 +94,11 @@ def first_order_signature(found: EffectInputs, gains: Gains) -> F64:
 
 
 def _swing_force(ports: EffectPorts, acceleration: F64, period: float) -> F64:
-    """Force on the carriage of masses hanging from it and of compliant bases, float64[K] [N].
+    """Force on the carriage by masses hanging from it and by compliant bases, float64[K] [N].
 
-    m r s^2 / (p s^2 + q s + w) times the acceleration relative to the base: a hanging mass does not
-    follow at once, and a base yields; bilinear transform, exact at the mode.
+    With mass m, mass ratio r, rate w = 2 pi f and damping d of a mode it is the acceleration
+    relative to the base, filtered by m r s^2 / (i s^2 + 2 d w g s + w^2 g): i = 1, g = 1 - r for a
+    hanging mass, i = 1 + r, g = 1 for a base. Bilinear transform, exact at the mode's frequency.
     """
     force = np.zeros(len(acceleration))
     modes = [(part, 1.0 - part.mass_ratio, 1.0) for part in ports.hanging]

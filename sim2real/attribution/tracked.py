@@ -1,8 +1,8 @@
 """A model fitted to tracked innovations, as the dictionary of candidates asks for it.
 
-Effects that are a force or a factor along the tracked motion have a signature to first order
-(`sim2real.attribution.signature`). And the filter's wander says something of effects that scale
-Coulomb friction, which it follows.
+Effects that are a force or a factor along the tracked motion have a first-order signature
+(`sim2real.attribution.signature`). Effects that scale Coulomb friction, which the filter follows,
+are also found in the course of the level that it tracked (`follow`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from sim2real.tracking import Track
 F64 = NDArray[np.float64]
 
 _PRIOR_STIFFNESS = 5.0
-"""Factor by which base parameters are held tighter than their tolerance: a fit keeps them in
-bounds, which first order does not know."""
+"""Factor by which base parameters are held tighter than their tolerance, since a first-order
+estimate does not know the bounds that a fit keeps."""
 _PEAKS = 4
 """Frequencies of a vibration that are tried: the highest peaks of the innovations' spectrum."""
 _LOWER, _HIGHER = 0.7, 1.4
@@ -70,10 +70,11 @@ class TrackedDictionary(Dictionary):
         )
 
     def follow(self, effect: Effect) -> list[Candidate]:
-        """What the filter's wander says of an effect that scales Coulomb friction.
+        """Candidates for an effect that scales Coulomb friction, by the level that was tracked.
 
-        The innovations say nothing of it, because the filter follows. But a wander that has the
-        effect's course is less likely than the effect, by the machine file's `repeatability`.
+        The innovations hardly show it, because the filter follows the level. But a level that has
+        the course of the effect is more likely to be the effect than wander of the size that the
+        machine file's `repeatability` allows.
         """
         axis = self._problem.axis
         if axis.wander <= 0.0:

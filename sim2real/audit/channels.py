@@ -52,11 +52,12 @@ _SEED = 1
 _MIN_SAMPLES = 200
 """Fewest samples at which the law must be computable for it to be compared with the log."""
 _REMAINDER = 3.0
+"""What the law leaves is reported from this many times what an accepted hypothesis may leave."""
 _MOST = 0.5
-"""Share of the logged force beyond which what the law leaves is most of it: then no figure of the
-controller can be read from the recording."""
+"""Largest share of the logged force that the law may leave unexplained: beyond it, no figure of
+the controller can be read from the recording."""
 _OTHER_UNIT = np.log(5.0)
-"""A force this far from the model's, as the logarithm of their ratio, may be in another unit."""
+"""Logarithm of the ratio of logged to simulated force from which the unit may be another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +215,17 @@ def _expected_remainders(recording: Recording, settings: StageSettings) -> dict[
 def _check_law(
     recording: Recording, settings: StageSettings, axis: str, expected: float
 ) -> tuple[list[ChannelFinding], Recording, StageSettings, CurrentPath | None]:
-    """Findings from the controller's law of one axis; recording and settings corrected for them."""
+    """Check one axis against its controller's law: findings, and what is corrected for them.
+
+    Args:
+        recording: corrected for all findings so far.
+        settings: likewise.
+        axis: its name.
+        expected: what the law leaves on the model's own noisy run, rms [N].
+
+    Returns:
+        Findings, recording, settings, and the current path where it differs from the file's.
+    """
     law = reconstruct_law(prepare_replay(recording, settings), settings, axis)
     if law.usable.sum() < _MIN_SAMPLES:
         return [], recording, settings, None

@@ -138,7 +138,7 @@ class ControllerLaw:
         return parts
 
     def position_error_columns(self) -> FloatArray:
-        """Force by errors of the position log, float64[2, K]: offset [N/m], scale [N per 1]."""
+        """Force per error of the logged position, float64[2, K]: by its offset [N/m], scale [N]."""
         time = self.place * self.period
         control = self.control
         offset = control.kp + control.ki * (time - time[0])
@@ -171,7 +171,12 @@ class ControllerLaw:
         )
 
     def _damping(self, demand: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force by the rates at each tick [N], and what the integrator integrates there [N/s]."""
+        """Derivative force at each tick [N], and the integrator's input there [N/s].
+
+        Args:
+            demand: float64[ticks] [m].
+            error: demand less encoder, float64[ticks] [m].
+        """
         control, tick = self.control, self.control.period
         keep = tick / (control.derivative_time + tick)
         cascade = control.cascade
@@ -190,8 +195,9 @@ class ControllerLaw:
     def with_clamping(self) -> ControllerLaw:
         """The law with the ticks at which a clamped output halts the integrator.
 
-        Only where the logged force is near its peak: with a log that is late or in other units
-        the law would exceed the peak all the time.
+        It is sought only where the logged force is near its peak, since against a late log, or one
+        in other units, the law would seem to exceed the peak all the time. Samples next to these
+        ticks are no longer usable.
         """
         peak = self.control.peak_force
         ticks = round(self.period / self.control.period)

@@ -40,7 +40,7 @@ def _replace_channels(
 
 
 def rescale(recording: Recording, findings: list[ChannelFinding]) -> Recording:
-    """The recording with the factors and offsets found divided and subtracted."""
+    """The recording with the factors found divided out and the offsets found subtracted."""
     for finding in findings:
         if finding.axis not in recording.axes or not finding.value:
             continue
@@ -73,7 +73,8 @@ def remove_delay(
 ) -> Recording:
     """The recording with a channel moved back by its delay [s].
 
-    Samples for which the channel then has no value are no longer valid.
+    Samples for which a measured channel then has no value are no longer valid; setpoints keep their
+    first or last value there. The force offset moves with the position demand.
     """
     if channel == "position_demand":
         recording = remove_delay(recording, axis, "force_offset", delay, period)
@@ -92,7 +93,7 @@ def shift_channel(
         recording: whose channel it is.
         axis: its name.
         channel: its name.
-        at: times to read the channel at, of the times of the samples, both float64[K] [s].
+        at: sample times -> times at which the channel is read instead, float64[K] each [s].
     """
     time, values = recording.time, getattr(recording.axes[axis], channel)
     wanted = np.clip(at(time), time[0], time[-1])

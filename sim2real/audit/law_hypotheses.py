@@ -1,10 +1,10 @@
 """Which deviation of the controller or its channels explains the logged force.
 
 Each hypothesis frees one timing and one gain, or neither, in the law
-(`sim2real.audit.controller_law`). The simplest hypothesis that leaves no more than the law
-leaves on the model's own noisy run is accepted. A lag of the force behind the law may be the
-stage's (dead time, current loop), the log's, or both, and the mechanics decide: by as much as the
-log lags, acceleration comes too early for the force as well.
+(`sim2real.audit.controller_law`). The simplest hypothesis is accepted that leaves hardly more than
+the law leaves on the model's own noisy run. A lag of the force behind the law may be the stage's
+(dead time, current loop), the log's, or both. The mechanics tell them apart: a force that was
+logged late also lags behind the measured acceleration.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ _GRIDS = {
     "demand": _SHIFTS,
     "drift": _DRIFTS,
 }
+"""Timing -> values that are tried [s; bandwidth: Hz; drift: s/s]."""
 _DEAD_TIMES, _CORNERS = (1e-4, 3e-4, 5e-4, 7e-4, 9e-4), (120.0, 180.0, 270.0, 400.0, 700.0)
 """Starting values of the joint search for dead time and bandwidth [s, Hz]."""
 GAINS = ("", "scale", *TERMS, "all")
@@ -46,8 +47,9 @@ GAINS = ("", "scale", *TERMS, "all")
 _MOVING = 0.02
 """Speed above which friction is simple enough for inertia to be fitted [m/s]."""
 _CLEARLY, _WHOLE = 0.7, 0.02
-"""Ratio of the inertia fits' remainders below which a part of a sample is the log's delay and not
-dead time (a moving base distorts inertia); and what passes for a whole number of samples."""
+"""Ratio of what two inertia fits leave, at the whole lag and at whole samples, below which the
+whole lag is the log's (less clear ratios may be due to a moving base); and the distance from a
+whole number of samples that counts as none."""
 _FEWEST = 200
 
 
@@ -180,8 +182,8 @@ def _products(
 ) -> FloatArray:
     """Mean products of (terms, 1, position errors, force) with one another, float64[8, 8].
 
-    Over the usable samples. The position errors stand for a position log with an offset or
-    scale: what the rests tell of these is not accurate enough for an integrator.
+    The mean is over the usable samples. The position errors stand for an offset and a scale of the
+    logged position: those found at rest are not accurate enough for a law with an integrator.
     """
     if timing == "":
         terms = law.terms()

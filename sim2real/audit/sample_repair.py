@@ -27,7 +27,7 @@ _JUMP = 1.5
 """After a held value the position catches up: it then changes by at least this multiple of the
 change per sample before and after."""
 _MOST_LOST = 0.2
-"""Share of lost rows up to which they are put back."""
+"""Largest ratio of lost to logged rows at which the lost ones are put back."""
 
 
 def repair_samples(

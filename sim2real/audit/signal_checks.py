@@ -25,14 +25,19 @@ _NAMES = {1e3: "mm", 1e6: "µm", 1e9: "nm or counts"}
 _CLOSE = 0.03
 """Relative distance within which a factor is taken for that of a unit."""
 _DRIFT = 20e-6
+"""Relative rate error of the time stamps from which their drift is reported."""
 _JITTER = 0.05
 """Host time stamps that scatter by more than this share of the SYNC period are reported."""
 _SCALE = 2e-4
+"""Relative deviation of the logged position's scale from which it is reported."""
 _OFFSET = 5e-6
 """Logged minus demanded position at rest beyond which the log has an offset [m]."""
 _SPREAD = 1e-3
+"""Shortest range of the demand at which positions are judged [m]."""
 _FULL = 0.995
+"""Share of the peak force from which the drive counts as saturated."""
 _PLATEAU = 3
+"""Fewest samples at a limit below the peak force for it to be reported."""
 
 
 def check_time(time: FloatArray, period: float) -> list[ChannelFinding]:
@@ -145,7 +150,7 @@ def match_unit(
 
 
 def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
-    """Position and force quantised more coarsely than encoder and drive do."""
+    """Position and force that are logged more coarsely than encoder and drive report them."""
     found = []
     for signal, grid in coarse_steps(signals, axis).items():
         channel, unit, step = f"{signal}_actual", SIGNALS[signal], stated_step(axis, signal)

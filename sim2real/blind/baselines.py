@@ -24,7 +24,7 @@ METHODS: dict[str, Method] = {
     "fixed list, least squares": fit_fixed_list,
     "forces, sparse regression": regress_forces,
 }
-"""Name -> method: axis -> model with the effects it names."""
+"""Name of a method -> function that returns axis -> model with the effects it names."""
 
 
 def run_baselines(

@@ -146,7 +146,10 @@ def _draw_visible(
     gap_of: GapOf,
     axes: Sequence[AxisSettings],
 ) -> Drawn:
-    """Draw an effect that opens a gap on its own: sizes are drawn again, then names."""
+    """Draw an effect that opens a gap on its own.
+
+    Values that open none are drawn again, up to `_TRIES` times, then the effect is.
+    """
     for _ in range(_OTHERS):
         effect = pool[int(rng.integers(len(pool)))]
         axis = axes[int(rng.integers(len(axes)))]

@@ -25,7 +25,8 @@ FIXED_LIST = (
 _ITERATIONS = 12
 """Of Gauss-Newton."""
 _SIGMAS, _VISIBLE = 3.0, 0.25
-"""Standard errors from none, and rise of the squared gap over floor, from which one is named."""
+"""An effect is named if it is this many standard errors from neutral and its removal raises the
+squared gap over floor by this much."""
 
 
 def fit_fixed_list(
@@ -68,7 +69,7 @@ def _fit_axis(loop: FreeLoop, library: Mapping[str, Effect]) -> AxisModel:
 
 
 def _absent(effect: Effect, loop: FreeLoop) -> Term:
-    """The effect with its first parameter at none, the others in the middle."""
+    """The effect at its neutral values; parameters that have none are in mid-range."""
     values = []
     for parameter in effect.parameters:
         neutral = parameter.neutral_on(loop.axis)

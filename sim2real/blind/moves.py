@@ -55,7 +55,7 @@ class Demands:
 def draw_demands(
     rng: np.random.Generator, settings: StageSettings, duration: float = 10.0
 ) -> Demands:
-    """Draw a sequence of moves of all axes at a time.
+    """Draw a sequence of moves, in each of which all axes move together.
 
     A large move to a site, then mostly a small one there. Speeds, accelerations, jerk, rests and
     the part of the table that is used differ from sequence to sequence.

@@ -22,7 +22,7 @@ PROMISE = 0.08
 """Largest difference between the gap closed on a second run and what was promised."""
 CONFIDENT = 0.5
 HONEST = 0.9
-"""A relative of an effect that the library lacks is honest below this probability."""
+"""Naming a relative of an effect that the library lacks is honest below this probability."""
 NEAR: tuple[frozenset[str], ...] = (
     frozenset({"force_offset", "cable_stiffness", "cogging"}),
     frozenset(

@@ -1,10 +1,10 @@
 """A baseline: sparse regression in the force domain, as in the identification of robots.
 
-What a measured motion takes more in force than the simulated one, mass times acceleration taken
-off, is regressed on columns of physical meaning. Orthogonal matching
-pursuit selects them: the best column (or pair) is added as long as moves that took no part are
-predicted better. Whatever acts within the control loop (delays, bandwidths, resonances) has no
-column: it changes the motion, not the force that a given motion takes.
+The residual force, less mass times the residual acceleration, is regressed on columns of physical
+meaning. Orthogonal matching pursuit selects them: the best column (or pair) is added as long as it
+improves the prediction of held-out moves. Whatever acts within the control loop (delays,
+bandwidths, resonances) has no column: it changes the motion, not the force that a given motion
+takes.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ F64 = NDArray[np.float64]
 _LOW = 80.0
 """Positions and forces are filtered up to this frequency before they are differentiated [Hz]."""
 _MOVING = 0.02
-"""Demanded velocity from which the sign of the velocity is friction's [m/s]."""
+"""Demanded velocity above which friction is fully developed and has its sign [m/s]."""
 _PAYS = 0.05
 """Share of the energy left on held-out moves that a further column must remove."""
 _MOST = 6
 """Columns or pairs that are selected."""
 _PLANT = (("payload_mass", "mass"), ("coulomb_level", "coulomb"), ("viscous_damping", "viscous"))
-"""Effects of the columns that are there from the start, and the plant's figures."""
+"""Effects that the three columns present from the start stand for, and the figures they change."""
 _PITCHES, _CENTERS, _TIMES = 60, 12, 4
-"""Values that the grids of columns have."""
+"""Number of pitches, centres and time constants in the grids of columns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,13 +96,13 @@ def _regress_axis(
     limit = MAX_SIGMAS * tolerance
     everything = np.hstack([plain[own], *(g.columns for g in chosen)])
     least = _held_out(everything, force[own], fold[own])
-    for k in range(3):  # what pays no more than any other column would is left as it was
+    for k in range(3):  # a figure that improves held-out moves too little stays in tolerance
         fewer = np.delete(everything, k, axis=1)
         if _held_out(fewer, force[own], fold[own]) < least / (1.0 - _PAYS):
             relative[k] = np.clip(relative[k], -limit, limit)
     terms, base = [], np.zeros(NUISANCES)
     if min(abs(relative[:2])) > limit and abs(relative[0] - relative[1]) < limit:
-        # Mass and friction seem larger alike where the motor gives less than is measured.
+        # Mass and friction both seem larger by the same factor if the motor's force is smaller.
         terms.append(_term(library["force_constant"], axis, [1.0 / (1.0 + float(relative[0]))]))
         relative = np.zeros(3)
     for (effect, figure), part in zip(_PLANT, relative, strict=True):

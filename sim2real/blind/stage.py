@@ -1,7 +1,7 @@
 """The recording of a trial's stage, with finer integration steps than the diagnosis takes.
 
-Where the machine file says 5 plant steps per control tick, this stage takes more of them; it has as
-many friction elements as the machine file says, unless a check sets another number.
+Where the model of a diagnosis takes 5 plant steps per control tick, this stage takes more. It has
+as many friction elements as the machine file says, unless a check sets another number.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The whole diagnosis of a sim-to-real gap.
 
 `examination` comes first: channels, floor, gap and its location. `procedure` then searches the axes
-for effects, and `verdict` draws the conclusions into a `GapReport`. `elsewhere` judges them on
-recordings that took no part.
+for effects, and `verdict` draws the conclusions into a `GapReport`. Without a demand or a known
+controller, `open_loop` does both along the measured motion. `other_recordings` validates the
+result on recordings that took no part, and `clock` says when each recording began.
 """
 
 from sim2real.diagnosis.examination import (

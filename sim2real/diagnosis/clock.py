@@ -14,8 +14,9 @@ from itertools import pairwise
 from stagedata import Recording
 
 LONGEST_PAUSE = 900.0
-"""Longest pause between two recordings of one clock [s]: three of the longest usual time constants
-of an axis that warms up. After a longer one it may have cooled down, which no recording says."""
+"""Longest pause between two recordings that share a clock [s]: three times the longest usual time
+constant of a warm-up. After a longer pause the axis may have cooled down, which no recording
+shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +25,7 @@ class Clock:
 
     Attributes:
         starts: of each recording, since the first one started [s]; zeros without a common clock.
-        text: what is told about it; None where there is a single recording.
+        text: the sentence about it in the report; None where there is a single recording.
     """
 
     starts: tuple[float, ...]

@@ -49,10 +49,11 @@ SLOWEST = 0.01
 """Longest sample period at which a diagnosis is attempted [s]: friction and loops are faster."""
 _FEWEST_MOVES = 2
 _FEWEST_STROKES = 4
-"""Strokes that two halves need along a motion, where rests tell nothing."""
+"""Fewest strokes along a motion: two for each half of the recording, as rests carry no
+information."""
 _SLOWEST_MOTION = 0.1
-"""Longest sample period at which forces are compared along a motion [s]: of the motions of machines
-with masses, seconds long, the accelerations are known then."""
+"""Longest sample period at which forces are compared along a motion [s]: fine enough for the
+accelerations of strokes that last seconds."""
 OTHER_CONTROLLER = "the controller is not the machine file's"
 """Why the closed loop is not simulated where its law does not explain the force."""
 GAINS = "gains"
@@ -159,7 +160,10 @@ def _examine_channels(
     correct: bool,
     progress: Progress,
 ) -> Examination:
-    """Audit the channels, and measure the gap in the loop or, with another controller, without.
+    """Audit the channels and measure the gap.
+
+    The gap is that of the closed loop, or of the force along the motion where the controller is not
+    that of the machine file.
 
     Args:
         examined: so far.

@@ -65,11 +65,11 @@ from sim2real.shrinkage import share_closed, share_given_back
 F64 = NDArray[np.float64]
 
 _UNKNOWN = 0.19
-"""Relative standard deviation of a figure that the machine file leaves unknown, around the one that
-least squares find."""
+"""Relative standard deviation of a figure that the machine file leaves unknown, around the value
+that least squares find."""
 _MASS = 0.01
-"""Least tolerance of the mass: a drive reports the force at an instant, and within a SYNC period it
-is not constant. On the reference stage that is 2.4 % of mass times acceleration."""
+"""Smallest tolerance of the mass. A drive reports the force at one instant, and the force varies
+within a SYNC period: on the reference stage by 2.4 % of mass times acceleration."""
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
 _DOUBTED = 0.45
@@ -80,7 +80,7 @@ _SAME_AS = {
     "coulomb": ("coulomb_level",),
     "viscous": ("viscous_damping",),
 }
-"""Effects that do no more than change a figure: no causes where the figure is unknown."""
+"""Figure -> effects that only change it: they are not searched for where the figure is unknown."""
 _BEHIND = ("dead_time", "current_bandwidth")
 """Effects that lie between controller and reported force: they do not show along a motion."""
 
@@ -139,7 +139,7 @@ def _left_out(unknown: Sequence[str]) -> set[str]:
 
 
 def _searched(name: str, loop: MotionLoop, found: FreeSearch) -> _Axis:
-    # The force counts for both signals of a free loop: half of its energy is the force's own.
+    # `MotionLoop` counts the force twice, in place of the position: half of that energy is real.
     before = loop.energies(loop.residual(loop.start)) / 2.0
     each = np.array([loop.energies(fold.residual) for fold in found.folds]) / 2.0
     after = each[loop.fold, np.arange(len(loop.fold))]
@@ -176,7 +176,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         small = opened < NO_GAP_BELOW or (left < NO_GAP_BELOW and not steps)
         verdict = NO_GAP if small and not far_off else UNEXPLAINED
         if verdict == NO_GAP and examined.open_loop == OTHER_CONTROLLER:
-            verdict = INSUFFICIENT  # the plant is right, and the stage still not the machine file's
+            verdict = INSUFFICIENT  # the plant agrees, but the controller does not
     models = {a.name: a.found.best.model for a in axes}
     report = replace(
         report,
@@ -218,8 +218,8 @@ def with_description(
         report: so far.
         examined: the recordings.
         models: as fitted.
-        causes: the named ones: what is left is left beside them alone, as in a twin. Axes without
-            any are described as the machine file has them.
+        causes: that are named. What is described is what a twin with these effects leaves; on an
+            axis without causes, what the machine file leaves.
     """
     named = {(cause.axis, cause.effect) for cause in causes}
     beside = {
@@ -290,7 +290,7 @@ def _without(model: AxisModel, name: str) -> AxisModel:
 
 
 def _candidates(axis: _Axis) -> list[Candidate]:
-    """Effects that were fitted alone or found, the most probable first."""
+    """The effects found, the most probable first, with what each closes alone where known."""
     shares = {s.effects[0]: s.closed for s in axis.found.steps if len(s.effects) == 1}
     names = {n for key in axis.found.scores for n in key}
     listed = [

@@ -13,7 +13,7 @@ from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
 from sim2real.shrinkage import FLOOR_LEVEL
 
 STRANGE = 4.0
-"""Tenths of its range by which a value lies beyond it that no real machine shows."""
+"""Implausibility, in tenths of the plausible ranges, beyond which no real machine lies."""
 
 
 def give_reason(

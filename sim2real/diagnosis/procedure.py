@@ -1,8 +1,15 @@
 """The procedure of a diagnosis: which effects cause the gap, and how much of it they explain.
 
-The search works on tracked innovations (`sim2real.tracking`), from which the friction's wander is
-filtered out. What it finds is then judged by what users care about, the free-run gap, on moves that
-took no part in fitting.
+The search works on innovations, the one-step prediction errors of a simulation that is kept on the
+recorded course (`sim2real.tracking`): they are free of friction's wander. What it finds is then
+judged by what users see, the free-run gap, on moves that took no part in fitting. Terms:
+
+- free loop, free run: the closed loop simulated from its demands alone, nothing corrected
+- complete: a model is, if its innovations are white, so that it leaves nothing to explain
+- repeat: an effect fitted a second time beside itself. Where the second takes up what the first
+  leaves, the effect is present in another shape than the library's: it departs from its equation
+- free form: a kind of effect fitted in any shape, as a friction profile over position; the nearest
+  effect of the library then stands for it
 """
 
 from __future__ import annotations
@@ -40,8 +47,8 @@ from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
 _FREE_FORM = 0.5
-"""Share of the residual force in motion from which an effect is recognised by its kind, whatever
-its shape: other effects reach 0.35 at most (`benchmarks/gap/free_forms.py`)."""
+"""Share of the residual force in motion that a free form must predict for the gap to be of its
+kind; effects of other kinds reach 0.35 at most (`benchmarks/gap/free_forms.py`)."""
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
 
@@ -97,7 +104,9 @@ def diagnose(
 
 
 class _StageSearch:
-    """The searches of a stage's axes, and what is done to each of them afterwards.
+    """The searches on all axes of a stage, and the steps that each goes through.
+
+    In order: `search_axis`, `check_shapes`, `ask_free_loop`, `fit_repeats`.
 
     Args:
         examined: the recordings.
@@ -155,7 +164,7 @@ class _StageSearch:
         return FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
 
     def _nearest(self, name: str, starts: Sequence[AxisModel]) -> AxisModel:
-        """The effect of its kind that comes nearest to one in another shape, in the free loop."""
+        """The best of these models by free-run gap, its figures fitted in the free loop."""
         start = min(starts, key=partial(self._loop_gap, name))
         loop = self.free_loop(name)
         return fit_figures(loop, start)[0].model if loop.allows(start) else start
@@ -175,10 +184,10 @@ class _StageSearch:
         )
 
     def ask_free_loop(self, name: str) -> None:
-        """Let the free loop find the effects of an axis that the innovations do not explain.
+        """Search an axis in the free loop where the search by innovations has left it open.
 
-        That is where they are not white, and no effect tried explains that in whatever shape. Names
-        that the innovations found give way only to a better model of the free loop.
+        It has where the innovations are not white and no effect found is in another shape. The
+        result replaces the effects found so far only if it scores better in the free loop.
         """
         found = self.searches[name]
         if found.is_complete or any(repeat.departs for repeat in found.repeats.values()):
@@ -188,7 +197,10 @@ class _StageSearch:
             found.take_over(free)
 
     def check_shapes(self, name: str) -> None:
-        """Recognise effects of an axis whose shape is not the library's."""
+        """Look for an effect in another shape than the library's where a search is not complete.
+
+        It is sought as a free form first, then as an effect that departs from its equation.
+        """
         found, loop = self.searches[name], partial(self._loop_gap, name)
         problem = found.problem
         pair = found.best.model
@@ -207,7 +219,10 @@ class _StageSearch:
                 found.prefer(model, loop(model))
 
     def _take_free_form(self, name: str) -> bool:
-        """Prefer the library's nearest to an effect in free form, where one explains the gap."""
+        """Take the library's effect nearest to a free form, if the free form explains the gap.
+
+        Returns whether it was taken: as the first alternative, with its repeat.
+        """
         found, loop = self.searches[name], partial(self._loop_gap, name)
         start = found.problem.start
         form = self._free_forms[name].most_likely(self._library.values())

@@ -48,13 +48,13 @@ F64 = NDArray[np.float64]
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
 _SMALL, _SMALLER = 3.0, 2.0
-"""Squared combined gap over floor, left by base parameters alone, up to which there is no gap:
-where the innovations are white, and where they are not quite."""
+"""Largest squared gap over floor per signal that counts as no gap where no cause was found: with
+all axes complete, and otherwise."""
 _FAR_OFF = {"position": 0.1, "force": 0.5}
-"""Share of a recorded signal's own variation from which its gap is no small one, whatever the floor
-of a model that far off."""
+"""Ratio of a signal's gap to its own standard deviation from which the gap is large, however large
+the floor is: the floor of a model that is far off is not reliable."""
 _TRAVELLED = 1e-4
-"""Standard deviation of an axis' demand from which that is looked at [m]."""
+"""Smallest standard deviation of an axis' demand at which this ratio is examined [m]."""
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
 experiment must be able to tell it from another value."""
@@ -70,7 +70,7 @@ class Diagnosis:
         searches: axis -> the search.
         explained: signals of the model with the causes found, each move by a fit to other moves,
             one entry per recording; empty where no cause was found.
-        plant: axis -> figure -> value moved within tolerance, for the twin.
+        plant: axis -> figure of the plant -> value as fitted within tolerance, for the twin.
         profiles: friction over position, where it was named as a cause.
     """
 
@@ -113,8 +113,8 @@ def conclude(
         enough = whole and share is not None and share >= _ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
-        # Figures within tolerance that were fitted to a coarse log may fit worse than the file's;
-        # what improbable causes close is a gap all the same.
+        # Without causes the better of file and fit counts: figures fitted to a coarse log may be
+        # worse than the file's. With improbable causes the file's gap counts, whatever they close.
         fitted = total if causes else combined_energy(after, samples)
         remaining = min(fitted, total) / signals
         verdict = _verdict_without_causes(causes, remaining, whole)
@@ -167,17 +167,19 @@ def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bo
 
     Args:
         causes: improbable ones.
-        remaining: squared combined gap over floor of the base parameters alone.
-        whole: whether the innovations are white.
+        remaining: squared combined gap over floor, per signal: of the machine file, or of fitted
+            base parameters alone where these leave less.
+        whole: whether all axes are complete and no effect departs from its equation.
     """
     small = not causes and remaining < (_SMALL if whole else _SMALLER)
     return NO_GAP if small or remaining < NO_GAP_BELOW else UNEXPLAINED
 
 
 def describe_far_off(examined: Examination) -> str:
-    """The signals whose gap is a good part of the recorded signal itself, "" where there are none.
+    """In words, the signals whose gap is a large part of the recorded signal; "" if there are none.
 
-    The floor of a model that far off is that of other motions, and may be as large.
+    A model that far off makes other motions than the stage, and its floor, which is taken from
+    them, may be as large as the gap.
     """
     found = []
     for axis, signals in (examined.gap or {}).items():

@@ -1,10 +1,11 @@
 """Candidates: where to start each effect of the library beside a fitted model.
 
-Each node of a grid over place, pitch, frequency, time constant and the like has a signature: what a
-run with the effect leaves less what one without it leaves. Its size, phase or shift follows by
-least squares beside all that is fitted already. What models are fitted to, tracked innovations or
-the free loop, the caller says (`Linearised`); where it knows signatures to first order, hundreds of
-nodes are tried so, and the best of them simulated.
+An effect is tried at the nodes of a grid over place, pitch, frequency, time constant and the like.
+At each node it has a signature: the residual of a run with the effect less that of a run without.
+The size, phase or shift that fits best follows by least squares beside everything fitted already.
+The caller says what models are fitted to, tracked innovations or the free loop (`Linearised`).
+Where it can compute signatures to first order, hundreds of nodes are tried in this way and only the
+best are simulated.
 """
 
 from __future__ import annotations
@@ -33,21 +34,21 @@ F64 = NDArray[np.float64]
 _NODES = 3
 """Nodes that are simulated where signatures are known to first order."""
 _SHIFT = 0.2
-"""Distance to a second place, over the travel; a place that merely shifts an effect is found
-between the two, or this many times farther out: `_FARTHEST`."""
+"""Distance between two places tried of an effect that a place merely shifts, as a share of the
+travel: its signature at any other place is a combination of the two."""
 _FARTHEST = 5.0
+"""Largest shift of such a place, in these distances."""
 _WIDEST = 3.0
-"""A signature is scaled up to this many times."""
+"""Largest factor by which a signature is scaled."""
 _LEAST = 1e-4
-"""And down to this: an effect that should be smaller is none."""
+"""Smallest such factor: an effect that should be smaller still is dropped."""
 _RIDGE, _SILENT = 1e-9, 1e-9
-"""Of the normal equations, relative; and the energy below which a signature says nothing."""
+"""Relative ridge of the normal equations; energy below which a signature is taken for zero."""
 _KEPT = 0.1
-"""Share of its first-order gain with which an effect counts whose start saves less: a fit may save
-more."""
+"""Smallest gain of a start, over the gain predicted: a fit may save more than its start."""
 _APART, _NEARLY = 1.2, 0.6
-"""Shapes of an effect whose ratio exceeds the first are different starts, if the second one's
-gain is this share of the first one's: a wave and its harmonic."""
+"""A second start of an effect is kept if a shape differs by more than this ratio and its gain is
+more than this share of the best one's, as for a wave and its harmonic."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +95,7 @@ class Candidate:
         signature: its weighted part of the residual that base parameters and present effects
             cannot take up, float64[R + B].
         node: of the grid that it came from.
-        from_wander: whether the gain is in the filter's wander, not in its innovations.
+        from_wander: whether the gain is in the level that the filter tracked, not in innovations.
     """
 
     term: Term
@@ -189,7 +190,7 @@ class Dictionary:
         return all(neutral is not None and _is_linear(p, neutral) for p, neutral in sizes)
 
     def _proven(self, start: Candidate) -> list[Candidate]:
-        """The start with its actual gain, if it has any."""
+        """The start with the gain that a simulation of it shows; none if it shows none."""
         (gain,) = self._gains([start.term])
         return [replace(start, gain=gain)] if gain is not None and gain > 0.0 else []
 
@@ -227,7 +228,7 @@ class Dictionary:
     def _tried(
         self, effect: Effect, nodes: Sequence[Values], signatures: _Signatures
     ) -> list[Candidate]:
-        """Starts from nodes that change something; sizes, phases and shifts by least squares."""
+        """Starts at the nodes that change the residual; size, phase and shift by least squares."""
         phase = next((i for i, p in enumerate(effect.parameters) if p.role == "phase"), None)
         place = _shift_only_place(effect)
         shift = _SHIFT * (self._at.travelled[1] - self._at.travelled[0])
@@ -303,7 +304,7 @@ class Dictionary:
 
 
 def _is_linear(parameter: Parameter, neutral: float) -> bool:
-    """Whether a signature may be scaled by this size: its neutral value is finite."""
+    """Whether a signature may be scaled by this size: finite neutral value, not logarithmic."""
     return math.isfinite(neutral) and not parameter.log
 
 

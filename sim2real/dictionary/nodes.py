@@ -25,11 +25,12 @@ class Grid:
     """How finely parameters are tried.
 
     Attributes:
-        places: on the travel, beside another place or a shape; one that merely shifts is found by
-            least squares.
-        shapes: of the first shape, where nothing else is given one.
-        few: of a shape beside a place, or beside another shape.
-        beyond: factor by which shapes go beyond their plausible range; below 1: that share of it.
+        places: number of places along the travel, for an effect that also has a shape or another
+            place; a single place that merely shifts the effect is found by least squares.
+        shapes: number of values of the first shape, for an effect without a place.
+        few: number of values of a shape after a place; of a second shape to first order (a second
+            shape that has to be simulated is tried in mid-range only).
+        beyond: factor by which a logarithmic shape is tried beyond its plausible range.
     """
 
     places: int
@@ -39,9 +40,9 @@ class Grid:
 
 
 FIRST_ORDER = Grid(24, 48, 3, 1.25)
-"""Where a signature costs no simulation."""
+"""The grid where a signature costs no simulation."""
 SIMULATED = Grid(12, 6, 3, 1.5)
-"""Where each takes one."""
+"""The grid where each signature takes a simulation."""
 
 Waves = Callable[[Effect, Parameter], "list[float] | None"]
 """Pitches [m] or frequencies [Hz] at which what is left has its peaks; None where the plausible
@@ -103,7 +104,7 @@ def _shapes(parameter: Parameter, axis: AxisSettings, grid: Grid, before: set[st
 
 
 def _sizes(parameter: Parameter, axis: AxisSettings, several: bool) -> list[float]:
-    """One in the middle of each plausible side of the neutral value, or several."""
+    """Sizes to try on each plausible side of the neutral value: the middle, or several."""
     neutral = parameter.neutral_on(axis)
     found: list[float] = []
     for low, high in parameter.ranges(axis):

@@ -1,9 +1,9 @@
-"""A recipe made to tell effects apart, from nothing but the limits of the machine.
+"""A recipe that tells effects apart, made from the limits of the machine alone.
 
-Each part separates what others confuse: slow sweeps show forces and friction over position without
-inertia; strokes at several speeds, viscous friction, drag and what differs between the directions;
-small reversals at several places, presliding and hysteresis; chirps, the loop's dead time, current
-bandwidth and resonances.
+Each part separates what the others confuse. Slow sweeps show forces and friction over position
+without inertia. Strokes at several speeds show viscous friction, drag and differences between the
+directions. Small reversals at several places show presliding and hysteresis. Chirps show the loop's
+dead time, current bandwidth and resonances.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def round_up(value: float) -> float:
 def candidate_sequences(
     settings: StageSettings, axis: str, reach: Mapping[str, Reach]
 ) -> list[tuple[str, list[Move]]]:
-    """Candidate sequences, each with its name; some seconds long.
+    """Candidate sequences with their names, each a few seconds long.
 
     Args:
         settings: of the machine file.

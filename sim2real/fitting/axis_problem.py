@@ -1,9 +1,12 @@
 """What a model of one axis is fitted to: tracked recordings, and the cost of what a model leaves.
 
-The cost is twice the negative log posterior: the squared innovations over their variance (position)
-and the squared deviations of the force actual over theirs, plus the squared deviations of the base
-parameters over the machine file's tolerance. The filter's gains are those of a single run, first of
-the nominal model, later of what was found: so all models are weighted alike.
+The cost is twice the negative log posterior: innovations of the position and deviations of the
+force actual, each over its standard deviation, in a Cauchy loss that limits outliers, plus the
+squared deviations of the base parameters over the machine file's tolerance. The filter's gains are
+those of a single run, first of the nominal model, later of what was found, so all models are
+weighted alike.
+
+`slow_energy` of the innovations is called structure here: what is left beyond white noise.
 """
 
 from __future__ import annotations
@@ -32,15 +35,15 @@ _OUTLIER = 4.0
 _SLOW = 8
 """Samples that are averaged to show structure that single ones hide."""
 _EVENTS = 0.03
-"""Share of the time that is excluded from the structure."""
+"""Share of the blocks of samples, the largest, that does not count as structure: breakaways."""
 _WHITE = 0.55
-"""Largest structure that counts as white; nominal stages reach 0.5."""
+"""Largest `slow_energy` that counts as white; nominal stages reach 0.5."""
 _NEARLY_WHITE = 0.6
-"""The same for what is left in the end, where the stage may take other integration steps."""
+"""The same for the final model, since the stage may take other integration steps."""
 _SIDE_BY_SIDE = 8
 """Models simulated at once: more gain nothing."""
 _FAR_FROM_WHITE = 3.0
-"""Structure beyond which the integration step of the stage does not matter."""
+"""`slow_energy` beyond which finer integration steps cannot make the innovations white."""
 _DIVERGED = 1e4
 """Deviations are clipped to this many sigma where a model makes the stage run away."""
 
@@ -90,7 +93,7 @@ class AxisProblem:
         self.outlier = _OUTLIER
 
     def finer_if_close(self, residual: F64) -> AxisProblem:
-        """The problem in the reference's steps, unless much more than their effect is left."""
+        """The problem in the reference's steps, or this one if those could not make it white."""
         return self if slow_energy(self.positions(residual)) > _FAR_FROM_WHITE else self.finer()
 
     def finer(self) -> AxisProblem:
@@ -200,7 +203,7 @@ class AxisProblem:
         return np.asarray(1.0 / (1.0 + np.square(residual / self.outlier)))
 
     def rescale(self, residual: F64) -> None:
-        """Count as outliers what exceeds a few times the deviations that are usual by now."""
+        """Set the limit of outliers to a few times the rms of these deviations, float64[R]."""
         usual = float(np.sqrt(np.mean(np.square(np.clip(residual, -20.0, 20.0)))))
         self.outlier = _OUTLIER * max(1.0, usual)
 
@@ -276,8 +279,8 @@ def agreeing_slope(one: F64, other: F64) -> F64:
 def slow_energy(innovations: F64) -> float:
     """How far innovations are from white: energy of their slow part over that of noise.
 
-    About 1 for white noise of the size that the filter expects. The largest few percent are
-    excluded: breakaways that no model predicts.
+    About 0.8 for white noise of the size that the filter expects, as the largest 3 % of the blocks
+    are left out: breakaways that no model predicts.
     """
     count = len(innovations) // _SLOW
     blocks = innovations[: count * _SLOW].reshape(count, _SLOW)

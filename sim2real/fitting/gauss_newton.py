@@ -20,16 +20,16 @@ from sim2real.fitting.normal_equations import (
 F64 = NDArray[np.float64]
 
 _SIGNATURE_STEP = 0.05
-"""Step of a parameter for difference quotients, as the change of its effect's signature."""
+"""Change of an effect's signature, relative, that the step of a difference quotient aims at."""
 _REACH = 0.6
-"""Largest change of its signature that an effect's parameter may make in one iteration."""
+"""Largest relative change of its signature that an effect's parameter may make per iteration."""
 _STEP_SHARES = (0.3, 0.05)
 """Shares of a step that are tried where the whole step raises the cost."""
 _SLOPE_TRIALS = 3
 """Steps that a difference quotient may try."""
 _SLACK = 30.0
-"""Rise of the cost allowed to the last step: slips make the cost rough, and where the data say
-nothing the prior must prevail."""
+"""Rise of the cost allowed to each step of a thorough fit: slips make the cost rough, and where the
+data determine nothing the prior must prevail."""
 
 
 def fit(
@@ -47,8 +47,10 @@ def fit(
         model: the start, effects included.
         iterations: of Gauss-Newton, at most.
         base_columns: derivatives by the base parameters near the start; computed when None.
-        settled: reduction of the cost below which the iteration ends.
-        thorough: compute the covariance at the end.
+        settled: reduction of the cost below which the iteration ends, beside 1e-4 of the cost;
+            not used where `thorough`.
+        thorough: make all iterations, let a step raise the cost by up to `_SLACK`, and compute the
+            covariance at the end.
     """
     residual = problem.residual(model)
     cost = problem.cost(model, residual)
@@ -103,10 +105,9 @@ def _normal_equations(
 
 
 def _within_limits(model: AxisModel, step: F64, normal: F64, gradient: F64, spread: F64) -> F64:
-    """The step, with base parameters held that stand at a limit and would exceed it.
+    """The step, solved again with those base parameters fixed that would leave their limits.
 
-    If they were clipped afterwards, the others would take a step that only makes sense with
-    them.
+    Clipped afterwards, they would leave the others a step that only fits an unclipped one.
     """
     low, high = _limits(spread)
     free = np.ones(len(step), dtype=np.bool_)
@@ -133,8 +134,9 @@ def _descend(
 ) -> tuple[AxisModel, F64, float] | None:
     """The model after a step, its residual and cost; None where the cost stays above `below`.
 
-    Each coordinate goes as far as it may; where that distorts the step too much, a part of it,
-    or as much of the whole as its most limited coordinate allows.
+    First the step is tried with each coordinate clipped to its limit. If that does not lower the
+    cost, parts of the step are tried, clipped likewise, and the step shortened as a whole until no
+    coordinate exceeds its limit.
     """
     whole = step * min(1.0, float(np.min(limit / np.maximum(np.abs(step), 1e-300))))
     parts = [np.clip(shrink * step, -limit, limit) for shrink in (1.0, *_STEP_SHARES)]
@@ -154,8 +156,9 @@ class _Slope:
 
     Attributes:
         index: of the effect in the model.
-        j: of the coordinate, which is `entry`.
-        start: present coordinates of the effect.
+        j: index of the coordinate in the effect.
+        entry: the coordinate.
+        start: present coordinates of the effect, float64[parameters].
         step: to be tried next.
         taken: the last one tried.
         change: of the residual by it, float64[R].

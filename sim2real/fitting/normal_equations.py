@@ -12,9 +12,10 @@ from sim2real.fitting.axis_model import NUISANCES
 F64 = NDArray[np.float64]
 
 _CANCELLED = 5e-2
-"""Share of squared columns left where they cancel, below which it is their error."""
+"""Eigenvalue of J'J, with the blocks of J orthonormal, below which a direction is dropped: columns
+cancel there, and what is left is mostly the error of the difference quotients."""
 _BLOCK = 250
-"""Samples over which what a model leaves may be correlated."""
+"""Samples over which the residual of a model may be correlated."""
 
 
 def information_matrix(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F64, F64]:

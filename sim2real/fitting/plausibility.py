@@ -9,13 +9,15 @@ from hil_sim.settings import AxisSettings
 from sim2real.fitting.axis_model import MAX_SIGMAS, Term
 
 _TENTH, _MOST_TENTHS = 0.1, 5.0
-"""Unit of a value's distance beyond its plausible range, in ranges, and its maximum."""
+"""Unit in which `implausibility` counts, as a share of the plausible range, and its maximum per
+parameter, in that unit."""
 
 
 def implausibility(term: Term, axis: AxisSettings) -> float:
     """How far an effect's sizes and shapes lie beyond their plausible ranges, in tenths of these.
 
-    A size may be anything down to none. Each parameter counts `_MOST_TENTHS` at most.
+    A size may lie anywhere between its range and its neutral value. Each parameter counts
+    `_MOST_TENTHS` at most.
     """
     total = 0.0
     for parameter, value, near in zip(

@@ -1,9 +1,10 @@
 """Which effects explain the gap of an axis, judged in the free loop.
 
-Where a model is incomplete, one-step innovations may be fitted by values that open the closed loop.
-Here nothing is tracked: `loop` runs the axis free under models, `fit` fits them to what users see,
-`dictionary` proposes where to start each effect, and `search` selects up to six, judged on held-out
-moves. `constants` holds every figure that was chosen, with its reason.
+In the free loop the closed loop is simulated from its demands alone, and nothing is corrected by
+the recording. Where a model is incomplete, values that fit one-step innovations may widen this gap.
+`loop` runs the axis under models, `fit` fits them to the free run's residual, `candidates` proposes
+where to start each effect, and `search` selects up to six, judged on held-out moves. `constants`
+holds every figure that was chosen, with its reason.
 """
 
 from sim2real.free_loop.constants import CLOSED, IMPLAUSIBLE, MOST_EFFECTS, STRANGE, VISIBLE

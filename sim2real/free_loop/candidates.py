@@ -22,8 +22,9 @@ from stagedata import BoolArray
 F64 = NDArray[np.float64]
 
 _PEAKS, _BESIDE, _BEYOND = 3, 0.35, 1.5
-"""Peaks of the residual force that are tried for a pitch or a frequency; how far to both sides, in
-waves over the extent; and the factor by which they may lie beyond what is plausible."""
+"""Number of peaks of the residual force that are tried for a pitch or frequency; distance to a line
+tried on either side of each, in waves over the whole extent; and the factor by which peaks may lie
+beyond the plausible range."""
 
 
 class FreeDictionary(Dictionary):

@@ -73,7 +73,7 @@ def fit_free(
     for _ in range(iterations):
         columns = derivatives(loop, model, residual)[counted]
         where = _vector(loop, model)
-        # The deviations of an incomplete model are larger than noise, and weigh less by as much.
+        # An incomplete model's deviations are larger than noise; weights are smaller accordingly.
         weight = 1.0 / (loop.coherent * max(float(np.mean(residual[counted] ** 2)), 1.0))
         normal = weight * (columns.T @ columns)
         gradient = weight * (columns.T @ residual[counted])

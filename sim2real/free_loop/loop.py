@@ -1,7 +1,8 @@
 """One axis run free under models: what each leaves of the recording, over the floor.
 
-No filter corrects the run, so that what is left is what users see: the gap. Element by element it
-is recorded minus simulated over the floor, positions and forces of the valid samples.
+No filter corrects the run, so what is left is what users see: the gap. A residual, float64[R], is
+recorded minus simulated over the floor: positions of the valid samples of a recording, then their
+forces, then the next recording.
 """
 
 from __future__ import annotations
@@ -39,7 +40,16 @@ _DIVERGED = 1e3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    """One recording: demands, offsets [m, N], float64[P]; and what was measured of it."""
+    """One recording of P SYNC periods and K samples, as the free loop needs it.
+
+    Attributes:
+        measured: the recording with its gap.
+        demand, offset: setpoints, float64[P] [m, N].
+        rest_force: motor force at the start [N].
+        valid: bool[K].
+        signals: position and force as recorded, float64[K] [m, N].
+        floors: of position and force [m, N].
+    """
 
     measured: Measured
     demand: F64
@@ -133,7 +143,7 @@ class FreeLoop:
         return self.workers.spread(self._side_by_side, models, _SIDE_BY_SIDE)
 
     def allows(self, model: AxisModel) -> bool:
-        """Whether physics allows a model's values: effects may exceed it together only."""
+        """Whether a model can be simulated: effects may be possible alone and not together."""
         return self.residuals([model])[0] is not None
 
     def residual(self, model: AxisModel) -> F64:
@@ -165,7 +175,7 @@ class FreeLoop:
                 self._simulated(number, list(together.values()))
                 for number in range(len(self._runs))
             ]
-        except ValueError:  # one of them: which, a run of each alone tells
+        except ValueError:  # of one of them: run alone, it shows which
             return found if len(models) == 1 else [self._side_by_side([m])[0] for m in models]
         for column, i in enumerate(together):
             found[i] = np.concatenate([parts[column] for parts in each])
@@ -208,7 +218,7 @@ class FreeLoop:
         return [self._left(run, position[:, i], force[:, i]) for i in range(len(variants))]
 
     def _jointly(self, axis: AxisSettings) -> F64:
-        """What an axis leaves that cannot be simulated alone, float64[R]."""
+        """The residual of an axis that has to be simulated together with others, float64[R]."""
         parts = [
             self._left(run, *self.respond_jointly(number, axis))
             for number, run in enumerate(self._runs)
@@ -253,7 +263,7 @@ class FreeLoop:
     def wave_power(
         self, residual: F64, model: AxisModel, over_travel: bool, own: BoolArray, per_force: bool
     ) -> F64:
-        """Power of the residual force at `wave_lines`, what changes slowly taken out.
+        """Power of the residual force at `wave_lines`, less what friction and a spring explain.
 
         Args:
             residual: what the model leaves, float64[R].

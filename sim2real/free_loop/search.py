@@ -46,13 +46,13 @@ from stagedata import BoolArray
 F64 = NDArray[np.float64]
 
 _ALIKE, _CHOSEN = 0.05, 0.53
-"""Posterior odds from which an effect could take another one's place; and the least share of an
-effect in the set that was chosen."""
+"""Posterior odds from which an effect could take another one's place; and the smallest probability
+of an effect of the chosen set, before it is limited by the share of the gap closed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step of the selection.
+    """One step of the selection (in a report: `sim2real.report.SelectionStep`).
 
     Attributes:
         effects: names of all effects from then on.
@@ -144,9 +144,10 @@ class FreeSearch:
 
 
 def score(loop: FreeLoop, fitted: FreeFit) -> float:
-    """Score of a model that was fitted to all moves, to be minimised: its cost and its price.
+    """Score of a model that was fitted to all moves, to be minimised.
 
-    Each parameter of an effect costs something, and so do values that are not plausible.
+    It is the cost of the fit plus penalties: for each parameter of an effect, for effects of
+    transmissions, and for implausible values.
     """
     terms = fitted.model.terms
     return (
@@ -279,7 +280,7 @@ def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[FreeFit, list[FreeFit
 def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> list[FreeFit]:
     """The effects of a model fitted to all moves but a fold's, for each fold.
 
-    Start values are sought anew on these moves: those of the model know all moves.
+    Start values are sought anew on these moves, since those of the model come from all moves.
 
     Args:
         loop: the axis.

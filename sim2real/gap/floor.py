@@ -1,9 +1,9 @@
 """The floor under the gap: what even a perfect model would leave against a recording.
 
-Noisy draws of the model (encoder noise, friction wander by the machine file's `repeatability`, the
-resolution of the log) against its noise-free run; rms per axis and signal, averaged over a few
-draws. Where the recording repeats moves, the scatter between repetitions is a second, independent
-estimate that the floor is checked against. Definitions: docs/formats/gap-report.md.
+It is the rms difference, per axis and signal, between noisy runs of the model (encoder noise,
+friction wander by the machine file's `repeatability`, the resolution of the log) and its noise-free
+run, averaged over a few draws. Where the recording repeats moves, the floor is checked against the
+scatter between repetitions, an independent estimate. Definitions: docs/formats/gap-report.md.
 """
 
 from __future__ import annotations

@@ -50,12 +50,15 @@ class Located:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Signal:
-    """Residual of one signal of one axis over all recordings, K samples, and its cells.
+    """Residual of one signal of one axis over all recordings, K samples, and what it is cut by.
 
     Attributes:
         energy: (residual/floor)^2 less that of the draws, 0 where invalid, float64[K].
-        residual: float64[K]; draws: float64[D, K], noisy runs less the noise-free one [m, N].
-        floor: [m, N].  valid: bool[K].  period: of the samples [s].
+        residual: recorded minus simulated, float64[K] [m or N].
+        draws: noisy runs less the noise-free one, float64[D, K] [m or N].
+        floor: [m or N].
+        valid: bool[K].
+        period: of the samples [s].
         starts: first sample of each recording.
         position, velocity, time: of the demand, float64[K] [m, m/s, s].
         travelled: position actual, float64[K] [m].

@@ -1,8 +1,9 @@
 """The gap of a stage model against a recording; nothing is fitted.
 
-Gap: the recording's demands and offsets through the closed-loop simulation of the model, without
-noise (roundings stay); rms over valid samples of recorded minus simulated, in m or N. Combined:
-G^2, the sum over axes and signals of (gap/floor)^2. Definitions: docs/formats/gap-report.md.
+The closed loop of the model is simulated with the recording's demands and offsets, without noise
+but with roundings. The gap of a signal is the rms of recorded minus simulated over valid samples,
+in m or N. The combined gap is G^2, the sum over axes and signals of (gap/floor)^2. Definitions:
+docs/formats/gap-report.md.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def compare_with_model(
 
 
 def combined_gap(gap: Gap) -> float:
-    """G^2 over the number of signals: 1 where nothing but the floor is left.
+    """Combined gap per signal, squared: G^2 over the number of signals, 1 at the floor.
 
     Signals whose floor is zero (a machine file without noise and repeatability) do not count.
     """

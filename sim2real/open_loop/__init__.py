@@ -1,11 +1,12 @@
 """Recordings judged without their controller: the force that a measured motion takes.
 
-Where no demand was logged, or nobody knows the gains, the closed loop cannot be simulated. The
-plant can, the other way round (`hil_sim.plant.inverse`): `motion` makes a smooth motion of the
-measured positions and low-passes the force alike, `loop` compares the force of a model along that
-motion with it, for the same search as in the free loop, and `figures` finds what a machine file
-leaves unknown. `empirical` describes what no effect explains.
-Positions cannot be predicted; what lies between controller and reported force (dead time, current
+Where no demand was logged, or the gains are unknown, the closed loop cannot be simulated. But the
+force that a known motion takes can be computed (`hil_sim.plant.inverse`). `motion` smooths the
+measured positions and low-passes the force to match, `loop` compares a model's force along that
+motion with the measured one so that the search of the free loop can use it, and `figures` finds
+what a machine file leaves unknown. `empirical` describes what no effect explains.
+
+Positions are not predicted, and what lies between controller and reported force (dead time, current
 loop) does not show.
 """
 

@@ -11,9 +11,9 @@ above the floor that it closes there. What goes with acceleration and its rate i
 and left out of both: a drive reports the force at an instant, and within a SYNC period it is not
 constant, which on recurring strokes would pass for a force over position.
 
-What is judged is what the effect `residual_table` can have: c(x) is there as a factor on the
-model's Coulomb force, so it cannot turn friction round, and is 0 where that force is below the
-floor of the gap.
+The description is limited to what the effect `residual_table` can represent. There c(x) is a
+factor on the model's Coulomb force, so it cannot reverse friction, and it is 0 where that force is
+below the floor of the gap.
 """
 
 from __future__ import annotations
@@ -141,9 +141,9 @@ class _TableFit:
         return np.asarray(found)
 
     def choose_weight(self, folds: Sequence[int]) -> float:
-        """The weight with which fits to some of these groups leave least of the others.
+        """The penalty weight with which each group is predicted best by a fit to the others.
 
-        The largest where there is but one.
+        The largest weight where there is only one group.
         """
         if len(folds) < 2:
             return _SMOOTH[-1]

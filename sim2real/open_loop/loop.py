@@ -32,8 +32,9 @@ _SEED = 1
 def compare_along(motion: Motion, settings: StageSettings) -> Measured:
     """The gap in force of a model against a recording, and its floor.
 
-    The floor is the noise of the low-passed force, of mass times acceleration, and friction's
-    wander. Positions are the motion itself: their residual is zero, and no gap is stated.
+    The floor combines the noise of the low-passed force and of mass times acceleration, friction's
+    wander, and the force unit's rounding. Positions are the motion itself: their residual is zero
+    and they have no gap.
 
     Args:
         motion: of the recording.
@@ -82,8 +83,9 @@ def _floor(noise: float, axis: AxisSettings) -> float:
 class MotionLoop(FreeLoop):
     """One axis under models along its measured motion, in place of the free loop.
 
-    Element by element the residual of the force counts for both signals of the free loop, so that
-    its levels hold: 2 where nothing but noise is left.
+    The residual has both parts that the free loop's has, so that its thresholds hold. That of the
+    position is 0; that of the force is weighted by sqrt(2), which leaves the squared gap over floor
+    at 2 where nothing but noise is left.
 
     Args:
         name: of the axis.
@@ -137,7 +139,7 @@ class MotionLoop(FreeLoop):
 
 
 def _for_force_alone(measured: Measured, name: str) -> Measured:
-    """With a floor of the force that makes up for the signal that is not compared."""
+    """The same with the floor of one axis' force divided by sqrt(2), as position does not count."""
     floors = dict(measured.floor.rms)
     floors[name] = {"position": 1.0, "force": floors[name]["force"] / math.sqrt(2.0)}
     return replace(measured, floor=replace(measured.floor, rms=floors))

@@ -26,14 +26,14 @@ F64 = NDArray[np.float64]
 _SLOWEST, _FASTEST = 0.5, 0.2
 """Lowest cutoff of the force [Hz], and the highest over the sample rate."""
 _ENOUGH = 0.01
-"""Share of the rms force that noise of the acceleration may have where the force has less."""
+"""Noise of mass times acceleration that is always accepted, as a share of the rms force."""
 _ORDER = 3
 """Of the low-pass, which runs forward and backward."""
 _STILL, _SIGMAS = 0.003, 4.0
 """An axis moves above this share of its highest speed, and above the noise of its velocity."""
 _AROUND = 0.5
-"""Time around rests and holes that does not count, in periods of the cutoff: at rest friction holds
-whatever force there is, and the low-pass spreads it. A shorter standstill is a reversal."""
+"""Time around rests and gaps that is left out, in periods of the cutoff: at rest friction may have
+any force within its limits, and the low-pass spreads it. A shorter standstill is a reversal."""
 _BAND = 0.5
 """Share of the cutoff above which what a model leaves counts as noise."""
 _SHORT = 0.01
@@ -50,8 +50,8 @@ class AxisMotion:
         logged: force as logged, float64[P] [N].
         usable: bool[P], the axis moves and nothing is missing nearby.
         cutoff: of the forces [Hz].
-        noise: of the low-passed force and of mass times acceleration, rms [N]; at most, for what a
-            controller does at high frequencies counts as noise here.
+        noise: of the low-passed force and of mass times acceleration together, rms [N]; an upper
+            limit, since forces of the controller at high frequencies count as noise here.
     """
 
     position: F64
@@ -87,10 +87,10 @@ class Motion:
         return _low_passed(force, self.axes[axis].cutoff, self.period)
 
     def noise_of(self, axis: str, force: F64) -> float:
-        """Noise of what a model leaves of the low-passed force, rms [N].
+        """Noise of the low-passed force, estimated from what a model leaves, rms [N].
 
-        As it is just below the cutoff, where forces of the plant are small and those of a lively
-        controller go into acceleration; no more than all that looks like noise.
+        It is taken from the octave below the cutoff, where the plant's forces are small and those
+        of a fast controller go into acceleration, which the model has; at most `AxisMotion.noise`.
 
         Args:
             axis: its name.
@@ -114,8 +114,8 @@ def measure_motion(recording: Recording, settings: StageSettings) -> Motion:
         settings: of the machine file.
 
     Raises:
-        ValueError: an axis of the machine file is missing, has no valid sample, or the samples are
-            not one SYNC period apart.
+        ValueError: an axis of the machine file is missing or has too few valid samples, or the
+            samples are not one SYNC period apart.
     """
     period = settings.sync_period
     place = match_periods(recording.time, period)
@@ -214,7 +214,7 @@ def _spread(flags: BoolArray, reach: int) -> BoolArray:
 
 
 def _standing(moved: AxisMotion) -> F64:
-    """The position while the axis moves; at rest where it stopped, float64[P] [m]."""
+    """The position where samples are usable, held at its last value elsewhere, float64[P] [m]."""
     latest = np.where(moved.usable, np.arange(len(moved.usable)), 0)
     return np.asarray(moved.position[np.maximum.accumulate(latest)])
 

@@ -1,7 +1,7 @@
 """The course of one axis in all recordings: its motion, and forces measured and simulated.
 
-The motion is the demanded one, which has no noise. Where forces alone are compared, along the
-measured motion, that motion stands for the demand: then there is no response to a demand.
+The motion is the demanded one, which has no noise. Where only forces are compared, along the
+measured motion, the smoothed measured motion takes its place, and there is no frequency response.
 """
 
 from __future__ import annotations

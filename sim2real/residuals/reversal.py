@@ -31,7 +31,7 @@ _CURVATURE = 3e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Branch:
-    """Mean force over position on one side of the turn in time, n points.
+    """Mean force over position before the turn, or after it; n points.
 
     Attributes:
         place: position less the farthest one of the turn, float64[n] [m].
@@ -110,8 +110,8 @@ class _Turn:
 def _turns(course: Course) -> dict[int, list[_Turn]]:
     """Turns by the direction before them.
 
-    Those that friction has reached its full size before, where there are any: after a short stroke
-    it depends on the strokes before that one too.
+    Only turns after a stroke of at least `REACH`, where there are any: friction is fully developed
+    there, while after a short stroke it also depends on earlier strokes.
     """
     found: dict[int, list[_Turn]] = {1: [], -1: []}
     for before, after in pairwise(course.strokes):
@@ -148,7 +148,7 @@ def _part(
 
 
 def _common(lengths: Iterable[float]) -> float:
-    """Distance from the turn that half of the strokes reach [m]: beyond it others are averaged."""
+    """Distance from the turn that half of the strokes reach [m], at most `REACH`."""
     known = list(lengths)
     return min(REACH, float(np.median(known))) if known else 0.0
 
@@ -159,7 +159,8 @@ def _average(
     """One branch, averaged over the distance to the turn; None where too little is near it.
 
     Args:
-        parts: places, negative before the turn, and forces of each turn [m, N].
+        parts: places (position in `direction` less the farthest one, so <= 0 on both sides of the
+            turn) and forces of each turn [m, N].
         reach: distance up to which they are averaged [m].
         direction: of the motion before the turn.
     """

@@ -55,8 +55,8 @@ def share_given_back(
 ) -> tuple[float, tuple[float, float]]:
     """Share of the gap that reopens when an effect is removed, and its 95 % interval.
 
-    Where the gap is wider without it than by the machine file (effects that hold one another), the
-    share is of that wider one.
+    Of effects that compensate each other, one alone may leave a wider gap than the machine file.
+    The share is then relative to that wider gap.
 
     Args:
         before: energies of the moves by the machine file, float64[moves, signals].

@@ -34,7 +34,7 @@ class FittedAxis(Protocol):
         """The fitted model."""
 
     def fold_models(self) -> Sequence[AxisModel]:
-        """Models fitted to the moves of all folds but one already, for each fold; or none."""
+        """For each fold, the model already fitted to the moves of all others; empty if none is."""
 
 
 class HeldOut:

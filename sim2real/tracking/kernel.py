@@ -100,7 +100,7 @@ class Deviations(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """Results at each SYNC before its correction, but for x, v and level (after), float64[K, A].
+    """Results at each SYNC, float64[K, A]; x, v and level are those after its correction.
 
     Attributes:
         innovation: measured minus simulated position [m].
@@ -117,7 +117,15 @@ class Tracked(NamedTuple):
 
 
 class Filter(NamedTuple):
-    """Arrays of `sim2real.tracking.error_states.Gains` for A axes: [K, A] before their shapes."""
+    """Arrays of `sim2real.tracking.error_states.Gains` for A axes, which are the second dimension.
+
+    Attributes:
+        gain: float64[K, A, 5] [state per m].
+        deviation: float64[K, A] [m].
+        transition: float64[K, A, 5, 5].
+        force: float64[K, A, 5] [state per N].
+        level: float64[K, A, 5] [state per relative change].
+    """
 
     gain: F64
     deviation: F64
@@ -202,7 +210,7 @@ def _update_covariance(covariance, spread, gain):  # type: ignore[no-untyped-def
 
 @kernel(error_model="python", nogil=True)
 def _correct(mechanics, a, innovation, gain, slipped):  # type: ignore[no-untyped-def]
-    """Move simulated axis `a` to the encoder.
+    """Correct the state of simulated axis `a` by an innovation.
 
     Args:
         mechanics: `Mechanics`, changed in place.
@@ -249,7 +257,7 @@ def _slip_state(mechanics, a):  # type: ignore[no-untyped-def]
 
 @kernel(error_model="python", nogil=True)
 def _propagate(mechanics, a, friction, deviations, filter_arrays, k, covariance):  # type: ignore[no-untyped-def]
-    """Covariance of axis `a` from SYNC k to k + 1, with transition and inputs of that period.
+    """Propagate the covariance of axis `a` from SYNC k to k + 1; write transition and responses.
 
     Args:
         mechanics: `Mechanics` at SYNC k + 1.
@@ -267,7 +275,7 @@ def _propagate(mechanics, a, friction, deviations, filter_arrays, k, covariance)
     before, slipped, tangent, held = friction
     matrix = np.zeros((STATES, STATES))
     noise = np.zeros(STATES)
-    # A drive that ticks once per SYNC acts on what was measured only: its loop hides no error.
+    # A drive that ticks once per SYNC sees measured positions only: its loop damps no state error.
     closed = 1.0 if m.ticks > 1 else 0.0
     extra = p.static_ratio * math.exp(-abs(s.velocity) / p.stribeck_velocity)
     relaxation = p.relaxation_rate / (1.0 + extra)

@@ -221,7 +221,7 @@ class Tracker:
 
     @cached_property
     def _of_others(self) -> list[Gains]:
-        """Gains of all axes as they stand beside this one."""
+        """Gains of all axes with the effects they have beside this one, computed once."""
         count = len(self._others)
         run = self._tracked(self._others, list(range(count)), None, [SUBSTEPS] * count)
         return [run.gains(a) for a in range(count)]

@@ -1,4 +1,4 @@
-"""`stagectl doctor`: what this machine can."""
+"""`stagectl doctor`: what this machine offers a stage, and what it lacks."""
 
 from __future__ import annotations
 

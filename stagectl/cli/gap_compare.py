@@ -1,4 +1,4 @@
-"""`stagectl gap compare`: two machine files on the same recordings, and how these settled."""
+"""`stagectl gap compare`: which of two machine files is closer to the same recordings."""
 
 from __future__ import annotations
 

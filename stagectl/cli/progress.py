@@ -37,7 +37,7 @@ from stagectl.sequencer import (
 REDRAW = 0.25
 """Time between two redraws [s]."""
 PATIENCE = 2.0
-"""At the end a screen that takes nothing is waited for so long [s]."""
+"""Longest wait at the end for a screen that accepts no output [s]."""
 _LONG = 1.0  # s; shorter waits are not worth a figure
 _SCREEN_GONE = (OSError, SystemExit)
 """What rich raises when the screen is gone; a closed pipe makes it end the program."""
@@ -108,7 +108,7 @@ class RunProgress:
         self._queue.put(partial(self._take, event, self._clock()))
 
     def _draw_all(self) -> None:
-        """Take what was handed over, and redraw: the clock runs without events, too."""
+        """Take what was handed over, and redraw, also without events: the clock shown runs on."""
         wait = REDRAW if self._console.is_terminal else None
         with suppress(*_SCREEN_GONE):
             self._progress.start()

@@ -42,7 +42,7 @@ def command(folder: Path, json_out: Path | None) -> None:
 
 
 def _table(found: list[ListedRun]) -> RenderableType:
-    """A row a run; lot, wafer and operator have a column where any run names one."""
+    """A row per run; lot, wafer and operator have a column where any run names one."""
     from rich import box
     from rich.table import Table
     from rich.text import Text

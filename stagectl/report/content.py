@@ -43,7 +43,8 @@ class Row:
     """A row of the table of results: one kind of move on one axis.
 
     Attributes:
-        kind, axis: of the moves.  count: number of moves.
+        kind, axis: of the moves.
+        count: number of moves.
         peak: median and largest peak error.
         settling: per window: median, mean, 90th percentile.
         unsettled: moves still outside the tightest window at their last sample.

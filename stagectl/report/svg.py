@@ -29,7 +29,8 @@ class Line:
     Attributes:
         x, y: points, shape (n,).
         label: for the legend above the panel; empty for none.
-        colour: of the stroke.  dashed: whether it is dashed.
+        colour: of the stroke.
+        dashed: whether the stroke is.
     """
 
     x: F64
@@ -65,7 +66,7 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One pair of axes.
+    """A plot in one pair of axes.
 
     Attributes:
         x_label, y_label: with units.

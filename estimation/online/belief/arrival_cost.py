@@ -1,7 +1,7 @@
 """The arrival cost of a move, and the belief that follows from its solution.
 
-Belief ages from move to move. Its marginal over the figures that a move is solved for, joined with
-the level at its knots, is the arrival cost of the solve.
+The belief ages from move to move. Its marginal over the figures that a move is solved for, together
+with the Gauss-Markov priors of level and unmodelled force at their knots, is the arrival cost.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from estimation.online.belief.belief import COULOMB, FORCE, LEVEL, MASS, STATES,
 
 MOST_KNOTS = 6
 UNMODELLED_DRIFT = 0.3
-"""Figures drift by this share of what the moves so far had beside the model: where much is missing
-they are constants only roughly."""
+"""Drift of the figures per move, as a share of what earlier moves had beside the model: where much
+is missing from the model, its figures are only roughly constant."""
 KNOT_SPACING = 0.2
-"""Of the knots of level and unmodelled force, in correlation times."""
+"""Distance of the knots of level and unmodelled force, in correlation times."""
 
 
 @kernel()
@@ -68,7 +68,7 @@ def decay(belief, time, place, axis):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _level_progress(time, place, axis):  # type: ignore[no-untyped-def]
-    """Correlation times of the level: it depends on place as far as it is more than its wander."""
+    """Correlation times of the level: its part beyond the usual wander changes with place too."""
     if axis.wander <= axis.usual_wander:
         return time
     return time + place * (1.0 - (axis.usual_wander / axis.wander) ** 2)
@@ -167,10 +167,12 @@ def _join_knots(first, number, begin, keep, rms, prior, information):  # type: i
 
 @kernel()
 def take_over(p, posterior, chosen, figures, knots, forces, before, after):  # type: ignore[no-untyped-def]
-    """Write the belief after a solve: what was not solved for stays.
+    """Write the belief after a solve.
+
+    States that were not solved for keep mean and variance, and become independent of the others.
 
     Args:
-        p: solution by unknown, shape (KNOTS + knots,).
+        p: solution by unknown, shape (KNOTS + knots + forces,).
         posterior: covariance of the chosen ones, shape (n, n).
         chosen: as of `joint_prior`.
         figures: the same.

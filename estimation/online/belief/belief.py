@@ -94,11 +94,11 @@ class Belief(NamedTuple):
         return Belief(self.mean.copy(), self.covariance.copy())
 
     def take(self, other: Belief) -> None:
-        """Become as another one."""
+        """Copy another belief into this one."""
         self.mean[:], self.covariance[:] = other
 
     def set_apart(self, figure: int, value: float, sigma: float) -> None:
-        """Take one figure, or the level, from elsewhere: independent of all others."""
+        """Set one state (figure, level or unmodelled force), independent of all others."""
         self.covariance[figure, :] = 0.0
         self.covariance[:, figure] = 0.0
         self.mean[figure] = value

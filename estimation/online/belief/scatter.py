@@ -1,9 +1,9 @@
-"""How much one move's figures say of those of the axis.
+"""Figures that differ from move to move, and what one move's figures say about those of the axis.
 
-Where a stage is not as modelled, viscous friction, presliding stiffness and relaxation rate differ
-from move to move: with the direction, the speed, the place. A move is therefore solved for its own
-figures, those of the axis and a deviation. How large deviations are, the moves show (empirical
-Bayes); until they have, their rms is a guess. The Coulomb force has its level for that.
+Where a stage is not as modelled, viscous friction, presliding stiffness and relaxation rate vary
+with direction, speed and place. A move is therefore solved for figures of its own: those of the
+axis plus a deviation. The rms of the deviations is a guess at first and is learned from the moves
+(empirical Bayes). The Coulomb force has its level for this.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from estimation.online.belief.belief import MASS
 
 @kernel()
 def scattered(belief, axis):  # type: ignore[no-untyped-def]
-    """Belief of the figures that one move has."""
+    """The prior of one move's own figures: the belief of the axis, widened by their scatter."""
     met = copy(belief)
     for i in range(MASS):
         met.covariance[i, i] += (axis.scatter[i] * belief.mean[i]) ** 2
@@ -29,9 +29,11 @@ def scattered(belief, axis):  # type: ignore[no-untyped-def]
 
 @kernel()
 def temper(before, met, after, excess):  # type: ignore[no-untyped-def]
-    """Weigh what a move was solved for: noise larger than assumed, figures that are its own.
+    """Turn the solution for a move's own figures into the belief of those of the axis.
 
-    Returns, of the deviations of its figures from those of the axis, the squares over their
+    The move counts less if its noise was larger than assumed or its figures may deviate.
+
+    Returns, for the deviations of its figures from those of the axis, the squares over their
     variances, and the shares of these variances that the move determines, shape (2, MASS).
 
     Args:
@@ -122,7 +124,7 @@ def _times(matrix, x):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _loosen(deviation, information, pull):  # type: ignore[no-untyped-def]
-    """Information of figures, from that of others that deviate from them; False where it fails.
+    """Turn information on a move's own figures into that on the axis' figures; False on failure.
 
     With I the information and D the deviations: I - I D (1 + D I D)^-1 D I.
 

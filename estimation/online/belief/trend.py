@@ -1,7 +1,7 @@
 """A trend of the Coulomb force, extrapolated in time between moves.
 
-A stage that warms up changes by per cents in a second. An axis that rests meanwhile, or makes moves
-that do not slide, would be believed unchanged. The logarithm of the level that moves show is
+A stage that warms up changes by a few per cent per second. An axis that rests meanwhile, or makes
+moves that do not slide, would be believed unchanged. The logarithm of the level that moves show is
 therefore tracked under two hypotheses,
 
     none:   w(t) + c,     drift:  w(t) + c(t),  dc/dt = r,
@@ -28,15 +28,15 @@ RATE, LASTING = 0.05, 10.0
 """Rms [1/s] and correlation time [s] of the rate, where there is a drift: guides and grease warm up
 by 10 to 40 % with time constants of three seconds to minutes."""
 REMEMBERED = 30.0
-"""How long surprises tell whether there is a drift [s]; without any, as likely as not."""
+"""Time constant with which the odds of a drift return to even [s]."""
 MISSED = 0.004
-"""Rms of what the level of a move misses beside its own sigma, relative (as of `site_tracking`)."""
+"""Relative rms error of a move's level beyond its own sigma (as in `site_tracking`)."""
 STEP, MOST = 3.5, 16.0
-"""A surprise of more standard deviations is a step, not a rate: the constant takes it. Squared, it
-does not count for more than MOST against a hypothesis."""
+"""An innovation of more than STEP standard deviations is a step, which the constant takes up, not a
+rate. The square of one counts for no more than MOST against a hypothesis."""
 VAGUE = 0.006
-"""A level whose own sigma is more, relative, is of a move that hardly slid (as of `site_tracking`):
-such a surprise of it is an error of its own."""
+"""Relative sigma of a level above which its move hardly slid (as in `site_tracking`): an innovation
+above STEP is then taken for an error of that level, not for a step."""
 
 # The state of both filters, one behind the other, none first: w, c, r; and their covariances, rows
 # of its upper triangle.
@@ -47,10 +47,10 @@ _ODDS = 2 * _SIZE
 
 
 class Trend:
-    """Of one axis.
+    """The trend of the Coulomb force of one axis.
 
     Args:
-        settings: of belief: wander of the level, drift of the Coulomb force.
+        settings: of the belief; wander of the level and drift of the Coulomb force are used.
     """
 
     __slots__ = ("_constants", "_state", "_time")
@@ -104,7 +104,7 @@ class Trend:
         observe(self._state, self._constants, elapsed, math.log(level), variance)
 
     def carry(self, begin: float, end: float) -> tuple[float, float]:
-        """What the level's logarithm is expected to change by between two instants.
+        """The expected change of the level's logarithm between two instants.
 
         Args:
             begin: from when [s]; not before the last `saw`.
@@ -129,7 +129,10 @@ class Trend:
 
 
 def wandered(elapsed: float, hold: float) -> float:
-    """Variance of what a rate that was known changes the level by, `hold` being kept of it."""
+    """Variance of the level's logarithm after `elapsed` [s], if the rate was known at the start.
+
+    `hold`: share of the rate that is left, exp(-elapsed/LASTING).
+    """
     times = elapsed / LASTING
     return (RATE * LASTING) ** 2 * max(2.0 * times - 3.0 + 4.0 * hold - hold**2, 0.0)
 

@@ -1,6 +1,6 @@
-"""What a move's samples are before anything is solved: clean, with kinematics and zones.
+"""A move's samples prepared for the solves: cleaned, with kinematics and zones.
 
-Which samples count, and whether the move determines anything in each zone.
+Also decides which samples count, and whether the move determines anything in each zone.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ LEAST_BACK = 0.005
 """A settling that goes back less than this share of the breakaway travel does not determine sigma0
 by itself, without an onset."""
 HIDDEN = 0.25
-"""A hole in which an onset goes this share of the breakaway travel hides how what follows began."""
+"""A hole that covers this share of the breakaway travel hides the onset: its samples after the hole
+do not count."""
 FULL_SLIP = 2.0
-"""C/Fc is learned from moves of this many breakaway travels and more: shorter ones end among
-elements of which only the sum was known at rest, and what that leaves open would go into it."""
+"""Least length of a move from which C/Fc is learned, in breakaway travels. In shorter moves not all
+elements slip; of their forces only the sum was known at rest, and the rest would bias C/Fc."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
 
 TOO_LITTLE, UNUSABLE_FORCE, UNKNOWN_STATE = range(3)
-"""Why there is nothing to solve: too little motion; the force says nothing while it moves; how the
-friction state stood before is not known."""
+"""Why there is nothing to solve: too little motion; no usable force while it moves; an unknown
+friction state before it."""
 
 
 class Sampled(NamedTuple):
@@ -43,7 +44,7 @@ class Sampled(NamedTuple):
         force: measured [N], shape (K + 2,).
         valid: samples that can be used, shape (K + 2,).
         disturbed: those of which only the position counts, shape (K + 2,); none: shape (0,).
-        rest: position at rest before it [m], should the first sample be missing; nan: not known.
+        rest: position at rest before it [m], used if the first sample is missing; nan: unknown.
         rest_force: measured at rest before it [N].
     """
 
@@ -161,7 +162,7 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         axis: settings of the axis.
         law: constants of its friction law.
         known: Coulomb force believed before the move [N].
-        mean: belief before it, shape (LEVEL + 1,).
+        mean: belief before it, shape (STATES,).
         state_known: False where only the sum of the internal forces is known: the onset then says
             nothing.
         zone_b: whether the stick zones are solved at all.

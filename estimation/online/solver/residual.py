@@ -1,9 +1,9 @@
 """Residual of a move and its derivatives by every unknown, sample by sample, in one pass.
 
 The friction law is driven by the measured positions. Between two turns of the motion the direction
-is known, whatever noise does to the velocity: nothing is decided by noise, and no dead band is
-needed. What a position's error does to a sample follows: through the second difference, through
-viscous friction, and through what sticks (`Rows.spring`).
+is known, whatever noise does to the velocity, so no dead band is needed. An error of a position
+acts on a row through the second difference, through viscous friction, and through the elements
+that stick (`Rows.spring`).
 
 Columns are contiguous, shape (columns, samples): whitening and normal equations run along them.
 """
@@ -82,7 +82,7 @@ class Rows(NamedTuple):
 
     Attributes:
         columns: derivatives by the unknowns in their units, and the residual, predicted minus
-            measured [N], in column RESIDUAL, shape (KNOTS + knots, K).
+            measured [N], in column RESIDUAL, shape (KNOTS + knots + forces, K).
         spring: stiffness of what sticks at each sample [N/m], shape (K,).
         variance: of the force of sliding elements, due to position errors [N^2], shape (K,).
         level_at: for each sample, the latest one with a sliding element (level acts), shape (K,).
@@ -202,9 +202,14 @@ def follow_move(p, axis, law, samples, rest, forces, slips):  # type: ignore[no-
 
 @kernel()
 def _trace(figures, axis, law, samples, start, end, traces, record, rows):  # type: ignore[no-untyped-def]
-    """Step the law through samples start..end-1 (9 arguments); returns what `fill_rows` returns.
+    """Drive the friction law along samples start..end-1 (9 arguments: two callers, one pass).
 
-    `traces`: of the law, begun; `record`: whether rows are written.
+    Each sample is reached from the one before by `leap` where the law can take the whole period at
+    once, by `_turn` where the motion turns or stops within it, else by `_advance`. With `record`,
+    the law's force, its derivatives and what its noise depends on are written to `rows`; the other
+    parts of the residual follow in `_complete`. Returns what `fill_rows` returns.
+
+    `traces`: of the law, begun.
     """
     trace = traces[0]
     # Local names: inside the loop, reading an array from a tuple changes its reference count twice.
@@ -304,7 +309,10 @@ def _advance(law, figures, trace, interval, noise, by_slope, variance):  # type:
 
 @kernel()
 def _turn(law, figures, trace, interval, turn, noise):  # type: ignore[no-untyped-def]
-    """A period in which the motion turns or stops; returns the force that this leaves open [N].
+    """One period in which the motion turns or stops, in substeps up to the turn and one step after.
+
+    At the turn all elements stick. Returns by how much the friction force is uncertain afterwards
+    [N], because position noise hides when within the period the motion turned.
 
     `noise`: rms of a position [m].
     """
@@ -329,9 +337,13 @@ def _turn(law, figures, trace, interval, turn, noise):  # type: ignore[no-untype
 
 @kernel(fastmath={"contract"})
 def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-def]
-    """The rest of each row: what is linear in the data, units, and the level's knots.
+    """Complete the rows that `_trace` has written: all parts but the law's force F.
 
-    Arguments as `fill_rows`; columns [N per unit of the unknown], shape (KNOTS + knots, K).
+        r = F + sigma_v v + m a + w Fc dF/dFc + d + offsets - (f + l f' + l^2 f''/2)
+
+    with the level w and the unmodelled force d linear between their knots, the measured force f and
+    its lag l [samples]. Arguments as `fill_rows`; columns become [N per unit of the unknown], shape
+    (KNOTS + knots + forces, K).
     """
     columns, unit, force = rows.columns, axis.unit, samples.force
     count, knots = columns.shape[1], columns.shape[0] - KNOTS - rows.forces
@@ -381,10 +393,10 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
 
 @kernel(fastmath={"contract"})
 def _add_unmodelled(p, axis, start, first, rows):  # type: ignore[no-untyped-def]
-    """Columns of the unmodelled force, knots in column `first` and on, and what they add.
+    """Write the columns of the unmodelled force, from `first` on, and add it to the residual.
 
-    Linear between knots along the path. At rest it is part of the measured force, and only the
-    rest of that force is friction; `start` as in `fill_rows`.
+    It is linear between knots along the path. At rest it is part of the measured force, which
+    therefore leaves less for friction. `start` as in `fill_rows`.
     """
     columns, share, forces = rows.columns, rows.share, rows.forces
     unit, residual, rest = axis.unit[COULOMB], columns[RESIDUAL], columns[REST_FORCE]

@@ -56,20 +56,21 @@ LEVEL_BOUND = 0.6
 FREE_SLIP = 0.3
 """Spread of the friction force where zone A begins, in a solve of zone A alone [Coulomb force]."""
 REST_COUNTS = 16.0
-"""Force noise, over what the encoder's does to a spring (at the figures before), up to which the
-samples at rest show where the motion began: without them sigma0 spreads 1.4 times as far."""
+"""Largest ratio of force noise to the force that position noise makes in the sticking elements, at
+which samples at rest count: they show where the motion began, and without them the scatter of
+sigma0 is 1.4 times as large."""
 MAX_ITERATIONS, HALVINGS, TOLERANCE, REMAINS = 20, 10, 1e-3, 0.03
-"""Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it, and one that
-leaves at most REMAINS of them to go."""
+"""Limits of Gauss-Newton: iterations; halvings of a step. It ends after a step of less than
+TOLERANCE posterior standard deviations, or one that ends within REMAINS of them of the minimum."""
 
 SOLVED, FAILED = range(2)
 
 BLOCK = 10
-"""Samples over whose sums the residual has to be as small as if they were independent; what the
-model misses beyond its usual error is alike over as many."""
+"""Samples per sum in `_slow_residual`; also the number over which what the model misses beyond its
+usual error is taken to be the same."""
 LEFT_OPEN = 1.0
-"""Of the unmodelled force's rms: how uncertain the elements' forces are at rest and behind turns,
-which have been followed without it."""
+"""Uncertainty of the elements' forces at rest and after turns, as these have been followed without
+the unmodelled force, over the rms of that force."""
 
 
 class Solution(NamedTuple):
@@ -82,9 +83,9 @@ class Solution(NamedTuple):
         evaluations: passes over the samples.
         unmodelled: what the move shows of the unmodelled force, see `_show_process`.
         wander: the same of the level.
-        slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: `chi`
-            where they are independent, more where they go on being alike.
-        under_usual: the larger of both, were there only the usual model error.
+        slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: as
+            `chi` where they are independent, more where neighbours are correlated.
+        under_usual: the larger of `chi` and `slow`, with weights for the usual model error only.
     """
 
     status: int
@@ -105,7 +106,7 @@ class Problem(NamedTuple):
         law: constants of the friction law.
         prepared: the move.
         rest: friction state before it.
-        step: resolution of which stretches of the force share an error [N]; 0: none.
+        step: resolution of the force, for `share_rounding` [N]; 0: not applied.
         time: of the move, in correlation times of level and unmodelled force.
         place: its way, in correlation lengths.
         share: of both together at each sample, 0 to 1, shape (K,).
@@ -144,7 +145,7 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         linear: one step as if the encoder were exact, for the next solve to begin at; no belief.
         mask: figures to solve for, shape (LEVEL,).
         before: belief before the move.
-        p: first iterate by unknown, shape (KNOTS + knots,); becomes the solution.
+        p: first iterate by unknown, shape (KNOTS + knots + forces,); becomes the solution.
         after: belief after the move, written.
     """
     axis, law = problem.axis, problem.law
@@ -318,10 +319,10 @@ def _weighed_square(residual, weights):  # type: ignore[no-untyped-def]
 def _rest_counts(p, axis, white):  # type: ignore[no-untyped-def]
     """Whether samples at rest count one by one; `white`: variance of a row's force [N^2].
 
-    `p`: unknowns by column, shape (KNOTS + knots,).
+    `p`: unknowns by column, shape (KNOTS + knots + forces,).
 
-    The force at rest is known from the mean of the rest's samples: they count once, but where the
-    force is so exact that they show the positions' errors.
+    The force at rest is already known from the mean of those samples, so they are left out, unless
+    the force is exact enough for single samples to show the errors of the positions.
     """
     pull = axis.unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise
     return axis.force_noise < pull or white < (REST_COUNTS * pull) ** 2
@@ -350,9 +351,9 @@ def _choose_rows(whole, rest_counts, samples, last):  # type: ignore[no-untyped-
 def _choose_unknowns(whole, from_rest, mask, knots, forces):  # type: ignore[no-untyped-def]
     """Columns of the unknowns and, last, of the residual; how many of them are figures.
 
-    Zone A does not rely on how it began: the force there is free, and what else was unknown before
-    makes no other difference. The first position's error is a force on all that sticks, but in the
-    first row; where that does not count, it goes with the force at rest.
+    Zone A does not rely on how it began: the friction force at its start is an unknown, which takes
+    up all that was unknown before. The first position's error acts as a force on all that sticks,
+    and differently in the first row; where that row does not count, the force at rest includes it.
     """
     figures = 0
     for i in range(LEVEL):
@@ -435,10 +436,11 @@ def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, informatio
 
 @kernel()
 def _left_behind(move, value, figures, knots, normal, information):  # type: ignore[no-untyped-def]
-    """What a step leaves to go, in squared standard deviations.
+    """Estimate how far from the minimum a step ends, in squared posterior standard deviations.
 
-    Residuals are products of figures, and of figures and level: a step leaves about its square. The
-    offsets are linear. `move`, `value`: shape (n,); `normal`, `information`: (>= n, >= n).
+    The residual contains products of figures, and of figures and level, so a step misses by about
+    its own square; offsets are linear. `move`, `value`: shape (n,); `normal`, `information`: (>= n,
+    >= n).
     """
     n = move.shape[0]
     away, largest = np.zeros(n), 0.0

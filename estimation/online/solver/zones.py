@@ -23,7 +23,7 @@ SLIP_PART = 0.25
 FAR_LONGER = 5.0
 """Zone A is in the first motion in one direction, unless a later one is this many times as long."""
 SLIP_VELOCITIES = 4.0
-"""... and above this many Stribeck velocities."""
+"""Zone A is only where the speed is above this many Stribeck velocities."""
 
 REST, STICK, SLIDE = 0, 1, 2
 """Zone codes: at rest; onset or zone B; zone A."""

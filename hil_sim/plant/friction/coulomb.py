@@ -18,10 +18,15 @@ from stagedata.compiled import kernel
 
 @kernel()
 def hold(p, s, v, dt):  # type: ignore[no-untyped-def]
-    """Velocity of an axis after a step of `dt` [s]; sets its friction force.
+    """Velocity of an axis after a step [m/s]; sets its friction force.
 
-    `v` [m/s] is where the friction force of the step before leads. What the change of force does to
-    another axis, through coupled masses, comes a step later.
+    What the change of that force does to another axis, through coupled masses, comes a step later.
+
+    Args:
+        p: record of the axis.
+        s: state of the axis.
+        v: velocity at the end of the step if friction stayed as in the step before [m/s].
+        dt: of the step [s].
     """
     response = dt * p.mobility
     wanted = s.friction + v / response

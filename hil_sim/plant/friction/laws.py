@@ -1,9 +1,10 @@
 """The friction laws of the simulated plant by name, each in a module of its own.
 
 They are the simulator's truth; the estimator has laws of its own (`estimation.friction`) and never
-sees these. In a step (`hil_sim.plant.mechanics.advance`) a law acts where the force that holds an
-axis at rest follows from where it would go (`coulomb.hold`), or after the displacement, for the
-step to come (`gms.slip_step`). A new law is a module, its number here, and its line there.
+sees these. In a step of `hil_sim.plant.mechanics.advance` a law acts either before the displacement
+(`coulomb.hold` finds the force that would stop the axis in this step, up to its limit) or after it
+(`gms.slip_step` gives the force for the next step). A new law is a module, its number here, and its
+line in `advance` and in `inverse`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ F64 = NDArray[np.float64]
 
 GMS, COULOMB = range(2)
 NUMBERS: Mapping[LawName, int] = {"gms": GMS, "coulomb": COULOMB}
-"""How kernels know the laws."""
+"""Name of a law -> its number in kernels."""
 
 
 def rest_forces(friction: FrictionFigures, static: float, force: float) -> tuple[F64, float]:

@@ -1,7 +1,7 @@
 """Where effects enter the compiled plant.
 
-`port_arrays` writes their figures into `records`, with the weights of `current_loop`;
-`disturbances` is what they do.
+`port_arrays` writes the figures of effects into `records`, with the weights of `current_loop`;
+`disturbances` evaluates them while the plant is integrated.
 """
 
 from hil_sim.plant.ports.port_arrays import build_ports

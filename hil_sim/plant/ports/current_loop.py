@@ -36,7 +36,13 @@ def write_delay(
 
 
 def decay_of(ports: EffectPorts, period: float, steps: int) -> float:
-    """Of the current loop over one of `steps` steps in a control period `period` [s]."""
+    """2 pi bandwidth times the step: the current loop's exponent over one of `steps` steps.
+
+    Args:
+        ports: of the axis.
+        period: Tc [s].
+        steps: number of steps in it.
+    """
     return 2.0 * math.pi * ports.current_bandwidth * period / steps
 
 

@@ -1,4 +1,4 @@
-"""What the ports of an axis do to its plant, compiled.
+"""Forces and factors that the ports of an axis add to its plant, compiled.
 
 Per control tick `refresh` linearises tables and everything that depends on time about the middle of
 the tick. Per substep `drive` gives the force on the carriage; `swing` and `drag` advance

@@ -22,9 +22,9 @@ F64 = NDArray[np.float64]
 _BEFORE = 30
 """Samples shown before a move."""
 MAX_VALUES = 150_000
-"""Numbers on a page: about half a megabyte."""
+"""Most numbers on a page: about half a megabyte."""
 _RESOLVED = 20_000
-"""Steps that the largest value of a series is told in."""
+"""Rounding steps, at least, in the largest value of a series."""
 
 
 NO_MOVES: dict[str, Any] = {"axes": [], "moves": [], "every": 1}

@@ -24,11 +24,11 @@ from estimation.trajectory import Trajectory
 F64 = NDArray[np.float64]
 
 REPORTED = (0.02, 1e-4, 0.01)
-"""From these on, the operator hears of mass, lead [s] and coupling."""
+"""Changes of mass [1], lead [s] and coupling [1] above which the operator is told of them."""
 
 
 class AccelerationForce:
-    """Of one axis.
+    """The force fed forward to accelerate one axis, and what moves show it to lack.
 
     Args:
         mass: moved, by the machine file [kg].
@@ -91,11 +91,11 @@ class AccelerationForce:
         return force
 
     def learn_with(self, design: Design) -> None:
-        """From now on an observer of this design corrects the offsets."""
+        """Begin to learn: an observer of this design corrects the offsets from now on."""
         self._errors = FeedforwardErrors(design, self._mass)
 
     def learn(self, course: Course) -> None:
-        """Correct what is fed forward by what a move lacked; without an observer, nothing."""
+        """Correct what is fed forward by what a move lacked; does nothing without an observer."""
         error = None if self._errors is None else self._errors.find(course)
         if error is not None:
             self._learned.take(error)

@@ -69,6 +69,12 @@ class Learned:
 class AxisCompensation:
     """Force offsets and friction model of one axis.
 
+    For every move, in this order: `expect_at_target` and `begin_known` where the Coulomb force
+    differs at its target or along it (they keep the friction state of the starting place as the
+    departure, and rescale the estimator's to the target), `force_offsets`, perhaps
+    `revise_offsets`, then `learn` with samples from `level_with_target`, and `carry_state`, which
+    moves the departure along the measured path and ends it.
+
     Args:
         axis: the host's model of it, from its machine file.
         friction: model to start from, with what is known of its figures.
@@ -76,7 +82,7 @@ class AxisCompensation:
         period: Ts [s].
         drift: relative 1-sigma per move of the figures by name, where a friction map accounts for
             the Coulomb force over the table; None without a map. See
-            `config.host_model.estimator_settings`.
+            `config.settings.host_model.estimator_settings`.
         terms: effects that are known of the axis; None for none.
         number: of the axis.
         calibration: whether the run measures friction at calibration sites.
@@ -116,7 +122,7 @@ class AxisCompensation:
         ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
         self.acceleration = AccelerationForce(axis.plant.mass, ahead, period)
         self._kink = kink_share(period, kink_delay(drive))
-        # Friction state at the start of a move elsewhere, in terms of the starting place.
+        # Friction state before a move to another Coulomb force, with forces as they are there.
         self._departure: FrictionState | None = None
         self.known: KnownAxis | None = None
         if terms is not None:

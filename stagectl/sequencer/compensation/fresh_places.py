@@ -20,7 +20,7 @@ SPREAD = 0.3
 
 
 class FreshPlaces:
-    """`sequencer.places.Places` that knows of each place what the last one has shown.
+    """`compensation.places.Places` that expects of each place what the last one has shown.
 
     Args:
         coulomb: axis -> Coulomb force to begin with [N], in the machine's order.

@@ -31,8 +31,8 @@ SAMPLES_BEFORE_MOVE = 2
 REST_SAMPLES = 5
 """The force at rest is the mean of this many samples."""
 UNIFORM = 3e-3
-"""A Coulomb force that changes by less than this share along a move is the same all along it: its
-own wander is larger."""
+"""Largest relative change of the Coulomb force along a move at which it counts as constant; its own
+wander is larger."""
 
 
 class KnownAxis:
@@ -75,7 +75,7 @@ class KnownAxis:
         self.forget()
 
     def forget(self) -> None:
-        """The axis has moved unobserved: nothing pulls and nothing sways, as far as is known."""
+        """Start again from relaxed effects: the axis has moved unobserved."""
         self._before = self._now = self._forces.at_start()
         self._at_rest: float | None = None
         self._demanded = np.zeros(1)
@@ -109,7 +109,7 @@ class KnownAxis:
         self._held = state
 
     def friction_at_rest(self, force: float, position: float) -> float:
-        """What of a force measured at rest is friction [N].
+        """The part of a force measured at rest that is friction [N].
 
         Args:
             force: mean of the last samples [N].
@@ -152,7 +152,7 @@ class KnownAxis:
         return np.asarray(demand[1:] - demand[0])
 
     def held(self, count: int) -> None:
-        """So many setpoints of `hold` have been sent."""
+        """Note that this many setpoints of `hold` have been sent."""
         if self.terms.bases and count:
             before = self._forces.sway(self._held)
             self._end += float(self._forces.sway_at_rest(self._held, count)[-1]) - before
@@ -160,8 +160,8 @@ class KnownAxis:
     def without(self, record: MoveData, path: F64, seen: NDArray[np.bool_]) -> MoveData:
         """A move's record as if there were nothing but mass and friction.
 
-        Saturated samples say nothing, nor, with a force from the other axis' acceleration, those
-        where that was not seen.
+        Saturated samples are marked as disturbed. So are those where the other axis has no valid
+        sample nearby, if its acceleration makes a force on this one.
 
         Args:
             record: as measured.

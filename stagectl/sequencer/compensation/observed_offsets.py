@@ -28,7 +28,7 @@ class Sampled(Protocol):
 
     @property
     def arrival(self) -> int:
-        """Of its frame after SYNC [ns]."""
+        """Time from SYNC to the arrival of its frame [ns]."""
 
 
 class ObservedOffsets:

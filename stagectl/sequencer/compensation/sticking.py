@@ -13,7 +13,7 @@ F64 = NDArray[np.float64]
 
 
 class Sticking:
-    """Of one axis; watches nothing before `watch`.
+    """Watches one axis for friction without presliding, once `watch` has been called.
 
     Attributes:
         found: friction has no presliding.
