@@ -207,7 +207,7 @@ def identify(
         reason = f"no minimum was reached in {2 * MAX_ITERATIONS} steps"
         return _refused(u, reason, samples, blocks, before.misfit, fit.misfit)
     if not fit.misfit <= settings.misfit:
-        reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
+        reason = f"residual {fit.misfit:.1f} times that expected from noise and wander"
         return _refused(u, reason, samples, blocks, before.misfit, fit.misfit)
     return Identification(
         None, _figures(u, estimate, selection.verdicts), fit.misfit, before.misfit,

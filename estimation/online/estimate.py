@@ -30,7 +30,7 @@ SHOWN = 0.015
 
 _WHY_NOT = {
     TOO_LITTLE: "too little motion to learn from",
-    UNUSABLE_FORCE: "its force says nothing while it moves: "
+    UNUSABLE_FORCE: "no usable force while it moves: "
     "saturated, missing, or disturbed by late setpoints",
     UNKNOWN_STATE: "the presliding state before the move is unknown: "
     "a move that slides has to be learned from first",
@@ -72,7 +72,7 @@ class Estimate:
         if verdict == STILL:
             return _WHY_NOT[int(number)]
         if verdict == MISFIT:
-            return f"residual {number:.1f} times what noise and wander explain"
+            return f"residual {number:.1f} times that expected from noise and wander"
         if verdict == MISSED:
             return (
                 f"the model misses {100 * number:.0f} % of the Coulomb force, something else acts"

@@ -323,7 +323,7 @@ def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
             return f"axis {name}: only {100 * share:.0f} % of the samples are valid"
     moved = [float(np.ptp(axis.position_actual)) for axis in recording.axes.values()]
     if max(moved) < _EXCITED:
-        return "no motion: the axes stand still, and no force is to be explained"
+        return "no motion: the axes stand still throughout"
     return None
 
 
@@ -368,7 +368,7 @@ def why_insufficient(recording: Recording, settings: StageSettings) -> str | Non
             return f"axis {name}: only {100 * share:.0f} % of the samples are valid"
     demands = [axis.position_demand for axis in recording.axes.values()]
     if max(float(np.ptp(demand)) for demand in demands) < _EXCITED:
-        return "no motion: the demand stands still and excites nothing"
+        return "no motion: the demand stands still throughout"
     moves = split_moves(recording, settings.sync_period)
     if len(moves) < _FEWEST_MOVES:
         return f"{len(moves)} move: at least {_FEWEST_MOVES} are needed to hold one out"

@@ -47,7 +47,7 @@ def give_reason(
     if best.steps:
         names = ", ".join(best.steps[-1].effects)
         return (
-            f"{mode}; {gap}; the nearest on {name} ({names}) closes "
+            f"{mode}; {gap}; the closest match on {name} ({names}) closes "
             f"{100 * best.closed:.0f} % of it on held-out moves, {_why_not(best)}"
         )
     return f"{mode}; {gap}, and no effect of the library shrinks it on held-out moves"

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     type=click.IntRange(0),
     default=1,
     show_default=True,
-    help="Seed of all that is drawn.",
+    help="Seed of the random stages and effects.",
 )
 @click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
-@click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
+@click.option("--only", metavar="EFFECT", help="Draw only this effect, in every trial.")
 @click.option("--effects", type=click.IntRange(3, 6), help="Effects on one axis in every trial.")
-@click.option("--baselines", is_flag=True, help="Ask two other methods, too.")
+@click.option("--baselines", is_flag=True, help="Compare with two simpler methods.")
 @click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
 @click.option(
     "--elements",

@@ -50,7 +50,9 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
 
     paths = recordings or tuple(path for path in (first, second) if _is_recording(path))
     if not paths or (not recordings and len(paths) < 2):
-        raise click.UsageError("two machine files need recordings to be compared on")
+        raise click.UsageError(
+            "name at least one recording on which to compare the two machine files"
+        )
     machines = [_machine_of(path) for path in (first, second)]
     settings = [stage_settings(machine) for machine in machines]
     recorded = {str(path): read_recording(path) for path in paths}
@@ -92,7 +94,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
 def closed_line(share: float | None) -> str:
     """The share of the gap closed, as a sentence."""
     if share is None:
-        return "No share of the gap can be stated: A is too close to its floor, or too far off."
+        return "Gap closed cannot be stated: A's gap is too close to its floor, or too large."
     if share < 0:
         return f"B is farther from the recordings than A (gap closed: {share:.2f})."
     return f"B closes {100 * share:.0f} % of A's gap."

@@ -167,7 +167,9 @@ def diagnose(
             )
         if twin is not None and not has_twin:
             console.print(
-                f"{twin} is not written: no cause was found, and no description", markup=False
+                f"{twin} is not written: no cause was found, nor a smooth force that describes "
+                "the gap",
+                markup=False,
             )
     # After the report: if one of them cannot be written, the diagnosis is not lost.
     if next_out is not None and report.next_experiment is not None:
@@ -281,7 +283,8 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         (
             "empirical",
             f"{f.axis}: a smooth force over position, direction and velocity closes "
-            f"{100 * f.gap_closed:.0f} % of what is left on held-out strokes; it is no cause",
+            f"{100 * f.gap_closed:.0f} % of what is left on held-out strokes; it describes the gap "
+            "but names no cause",
         )
         for f in report.empirical
     ]

@@ -67,10 +67,10 @@ class AccelerationForce:
         found = []
         if abs(mass) > REPORTED[MASS]:
             more = f"{100.0 * abs(mass):.1f} % {'more' if mass > 0.0 else 'less'}"
-            found.append(f"acceleration takes {more} force than in the machine file")
+            found.append(f"acceleration takes {more} force than the machine file says")
         if abs(lead) > REPORTED[LEAD]:
             when = "later" if lead > 0.0 else "earlier"
-            found.append(f"force acts {1e3 * abs(lead):.2f} ms {when} than in the machine file")
+            found.append(f"force acts {1e3 * abs(lead):.2f} ms {when} than the machine file says")
         if abs(coupling) > REPORTED[COUPLING]:
             share = f"{100.0 * abs(coupling):.1f} %"
             found.append(f"the other axis' acceleration acts on {share} of the mass")

@@ -301,7 +301,7 @@ def test_samples_of_other_instants_are_refused_for_what_they_leave_over(data, nu
     moved = move.position + late * np.gradient(move.position) / TS
     estimate = estimator.update(replace(move, position=moved))
     assert not estimate.accepted
-    assert "times what noise and wander explain" in estimate.reason
+    assert "times that expected from noise and wander" in estimate.reason
 
 
 def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(data):
@@ -320,7 +320,7 @@ def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
     disturbed = SplitHorizonEstimator(TRUE, SETTINGS).update(
         replace(move, disturbed=np.ones(len(move.valid), dtype=bool))
     )
-    assert "its force says nothing while it moves" in saturated.reason
+    assert "no usable force while it moves" in saturated.reason
     assert "late setpoints disturbed the force in all but 0 % of the motion" in disturbed.reason
 
 
