@@ -3,7 +3,7 @@
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and
 `observer` (what happens between two SYNCs), `feedforward_error` (what a whole move lacked),
-`sticking` (friction without presliding).
+`lacking_force` (its least squares), `sticking` (friction without presliding).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer

@@ -16,7 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import machine_code
 from estimation.observer.design import Design
+from estimation.observer.lacking_force import Figures, find_lacking
 from estimation.observer.model import LACK
 
 F64 = NDArray[np.float64]
@@ -28,14 +30,13 @@ KEPT = 0.9
 EXPLAINED = 0.25
 """A figure is fed forward if it leaves at most this share of what later moves lack."""
 SIGNIFICANT = 3.0
-"""And if it is so many of its standard deviations: two moves may agree by chance."""
+"""And if it is so many of its standard deviations more than BIAS: two moves may agree by chance."""
+BIAS = np.array([2e-3, 5e-5, 2e-3])
+"""What moves show that lack nothing: the drive interpolates setpoints and lags by a control tick,
+which the observer's model leaves out."""
 MOST = np.array([0.3, 1e-3, 0.3])
 """No more than this is fed forward, either way; also the spread before the first move, 1 sigma."""
 _AT_START = np.diag(MOST**-2.0)
-LEAST = 1.0
-"""Moves whose acceleration takes less than this multiple of Fc show friction rather than mass."""
-_INDEPENDENT = 2.0
-"""Independent values per move of the disturbances that the basis does not contain."""
 _REST = 5.0
 """Time constants of the rest after a move that are evaluated with it."""
 _RESPONSE = 12.0
@@ -49,13 +50,13 @@ class Course(NamedTuple):
         demand: setpoint sent [m].
         position: sampled when it was sent [m].
         correction: force offset sent less the planned one [N].
-        across: setpoint of the other axis [m]; None where there is no other.
+        across: setpoint of the other axis [m]; zeros where there is no other.
     """
 
     demand: F64
     position: F64
     correction: F64
-    across: F64 | None
+    across: F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,72 +81,25 @@ class FeedforwardErrors:
     """
 
     def __init__(self, design: Design, mass: float) -> None:
-        own = design.figures
-        self._mass, self._coulomb = mass, own.coulomb
-        self._period, self._ki = own.period, own.drive.ki
-        self._first_tick = own.drive.control_period / own.period
-        self._constant = design.time_constant / own.period
-        self._response = _response(design, round(_RESPONSE * self._constant))
+        own, constant = design.figures, design.time_constant / design.figures.period
+        self._figures = Figures(
+            mass, own.coulomb, own.period, own.drive.ki, own.drive.control_period / own.period,
+            _REST * constant, MOST, _response(design, round(_RESPONSE * constant)),
+        )  # fmt: skip
+        self._value, self._information = np.empty(3), np.empty((3, 3))
+        rest = np.zeros(2)
+        self._find = machine_code(  # compiled, or loaded, before anything moves
+            find_lacking, rest, rest, rest, rest, self._figures, self._value, self._information
+        )
 
     def find(self, course: Course) -> FeedforwardError | None:
         """What the planned offsets of a move have lacked; None where it says nothing."""
-        across = np.zeros(len(course.demand)) if course.across is None else course.across
-        moves = np.diff(course.demand) != 0.0
-        moving = np.flatnonzero(moves | (np.diff(across) != 0.0))
-        if not len(moving):
-            return None
-        end = min(int(moving[-1] + _REST * self._constant), len(course.demand))
-        demand = course.demand[:end]
-        before = np.concatenate((demand[:1], demand[:-1]))
-        velocity, acceleration = self._motion(before)
-        if moves.any() and self._mass * np.abs(acceleration).max() < LEAST * self._coulomb:
-            return None
-        # The drive has gone the first tick's share of the way when the position is sampled.
-        deviation = course.position[:end] - (before + self._first_tick * (demand - before))
-        integrator = -self._ki * self._period * np.cumsum(deviation)
-        correction = course.correction[:end]
-        lacked = correction - correction[0] + self._seen(integrator)
-        other = self._motion(np.concatenate((across[:1], across[: end - 1])))[1]
-        basis = np.column_stack(
-            [
-                *(
-                    self._seen(force)
-                    for force in (
-                        self._mass * acceleration,
-                        self._mass * np.gradient(acceleration, self._period),
-                        self._mass * other,
-                        np.asarray(velocity != 0.0, np.float64),
-                        velocity,
-                    )
-                ),
-                np.ones(end),
-            ]
-        )
-        return self._fit(basis, lacked)
-
-    def _fit(self, basis: F64, lacked: F64) -> FeedforwardError | None:
-        """Least squares; what is no mass, lead or coupling is projected out."""
-        own, rest = basis[:, :3], basis[:, 3:]
-        weights, *_ = np.linalg.lstsq(rest, np.column_stack((own, lacked)), rcond=None)
-        left = np.column_stack((own, lacked)) - rest @ weights
-        own, lacked = left[:, :3], left[:, 3]
-        value, *_ = np.linalg.lstsq(own / MOST, lacked, rcond=1e-6)
-        value = np.asarray(value / MOST, np.float64)
-        square = float(np.mean((lacked - own @ value) ** 2))
-        if not square > 0.0:
-            return None
-        return FeedforwardError(value, own.T @ own / (square * len(lacked) / _INDEPENDENT))
-
-    def _motion(self, demand: F64) -> tuple[F64, F64]:
-        """Velocity and acceleration of a demand, at rest at both ends."""
-        acceleration = np.zeros(len(demand))
-        acceleration[1:-1] = np.diff(demand, 2) / self._period**2
-        return np.gradient(demand, self._period), acceleration
-
-    def _seen(self, force: F64) -> F64:
-        """A lacking force as the correction shows it, at rest before the first sample."""
-        start = float(force[0])
-        return start + np.convolve(force - start, self._response)[: len(force)]
+        demand, position, correction, across = map(np.ascontiguousarray, course)
+        if self._find(
+            demand, position, correction, across, self._figures, self._value, self._information
+        ):
+            return FeedforwardError(self._value.copy(), self._information.copy())
+        return None
 
 
 class LearnedFeedforward:
@@ -179,7 +133,7 @@ class LearnedFeedforward:
         covariance = np.linalg.inv(self._information)
         self.value = self.value + covariance @ error.information @ (lacked - self.value)
         explains = self._after < EXPLAINED * self._before
-        certain = np.abs(self.value) > SIGNIFICANT * np.sqrt(covariance.diagonal())
+        certain = np.abs(self.value) > BIAS + SIGNIFICANT * np.sqrt(covariance.diagonal())
         self.fed = np.where(explains & certain, np.clip(self.value, -MOST, MOST), 0.0)
 
 

@@ -34,7 +34,7 @@ def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
             demand[:, a],
             position[:, a],
             correction[:, a],
-            demand[:, 1 - a] if samples.axes == 2 else None,
+            demand[:, 1 - a] if samples.axes == 2 else np.zeros(len(demand)),
         )
         for a in range(samples.axes)
     ]

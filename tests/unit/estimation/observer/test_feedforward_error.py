@@ -74,6 +74,14 @@ def test_an_axis_at_rest_shows_coupling_alone(design):
     assert found.information[MASS, MASS] == found.information[LEAD, LEAD] == 0.0
 
 
+def test_axes_that_accelerate_alike_share_what_they_show(design):
+    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+    rounded = np.round(demand(-0.05), 9)
+    across = np.round(demand(-0.05 + 3e-8), 9)
+    found = errors.find(corrected(design, rounded, across, 0.08, 0.0, 0.0))
+    assert found.value[[MASS, COUPLING]] == pytest.approx([0.04, 0.04], abs=0.01)
+
+
 def test_short_moves_and_rest_say_nothing(design):
     errors = FeedforwardErrors(design, design.figures.carriage.mass)
     rest = np.zeros(400)
@@ -104,6 +112,13 @@ def test_what_moves_show_again_and_again_is_fed_forward():
     for _ in range(20):
         learned.take(move(-learned.fed))  # the payload is gone
     assert learned.fed == pytest.approx(np.zeros(3), abs=2e-3)
+
+
+def test_what_a_perfect_move_shows_is_not_fed_forward():
+    learned = LearnedFeedforward()
+    for _ in range(20):
+        learned.take(move(np.array([-2e-3, -5e-5, 0.0]) - learned.fed))
+    assert not learned.fed.any()
 
 
 def test_what_differs_from_move_to_move_is_not():
