@@ -38,10 +38,12 @@ class Evidence:
 
     Attributes:
         value: natural logarithm of the probability of the level, up to a common constant.
+        spread: 1 sigma of its size, as a share of the plausible range.
         term: the effect with the values that come nearest to the level.
     """
 
     value: float
+    spread: float
     term: Term
 
 
@@ -77,15 +79,16 @@ def settle_levels(
     found = Levels(best, {}, [])
     if problem.axis.wander <= 0.0:
         return found
-    for index, term in enumerate(best.model.terms):
+    found.best = _merge(problem, best, library)
+    for index, term in enumerate(found.best.model.terms):
         if not is_level(term, problem.axis):
             continue
         others = [e for n, e in library.items() if n not in found.best.model.names()]
-        weighed = weigh_levels(problem, found.best.model, index, [term.effect, *others])
+        weighed = weigh_levels(problem, found.best.model, [index], [term.effect, *others])
         tried = {term.name: found.best}
         for name, evidence in weighed.items():
             if name != term.name and evidence.value > weighed[term.name].value + math.log(RIVAL):
-                swapped = _swap(problem, found.best.model, index, evidence.term)
+                swapped = _swap(problem, found.best.model, [index], evidence.term)
                 if problem.is_nearly_white(swapped.residual):
                     tried[name] = swapped
         likely = max(tried, key=lambda name: weighed[name].value)
@@ -99,29 +102,53 @@ def settle_levels(
     return found
 
 
+def _merge(problem: AxisProblem, best: Fitted, library: Mapping[str, Effect]) -> Fitted:
+    """The model with one effect on the level where several are less probable."""
+    model = best.model
+    at = [i for i, term in enumerate(model.terms) if is_level(term, problem.axis)]
+    if len(at) < 2:
+        return best
+    own = [weigh_levels(problem, model, [i], [model.terms[i].effect]) for i in at]
+    each = [evidence for weighed in own for evidence in weighed.values()]
+    if len(each) < len(at):
+        return best
+    together = each[0].value + sum(math.log(evidence.spread) for evidence in each[1:])
+    kept = {term.name for i, term in enumerate(model.terms) if i not in at}
+    singles = [effect for name, effect in library.items() if name not in kept]
+    alone = weigh_levels(problem, model, at, singles).values()
+    likely = max(alone, key=lambda evidence: evidence.value, default=None)
+    if likely is None or likely.value < together:
+        return best
+    merged = _swap(problem, model, at, likely.term)
+    return merged if problem.is_nearly_white(merged.residual) else best
+
+
 def weigh_levels(
-    problem: AxisProblem, model: AxisModel, index: int, effects: Sequence[Effect]
+    problem: AxisProblem, model: AxisModel, at: Sequence[int], effects: Sequence[Effect]
 ) -> dict[str, Evidence]:
-    """Evidence of effects in the place of one of a model, by the level that was tracked beside it.
+    """Evidence of effects in the place of some of a model, by the level tracked beside these.
 
     Args:
         problem: the axis.
-        model: with the effect.
-        index: of the effect in it, which changes the Coulomb level and nothing else.
-        effects: that may take its place; those that do anything else are left out.
+        model: with the effects.
+        at: indices of those in it, which change the Coulomb level and nothing else.
+        effects: that may take their place; those that do anything else are left out.
     """
-    axis = model.without(index).settings(problem.axis)
+    without = tuple(term for i, term in enumerate(model.terms) if i not in at)
+    axis = replace(model, terms=without).settings(problem.axis)
     tracks = problem.track(model)
     period = float(problem.trackers[0].time[1])
     times = [(tracker.time, tracker.start) for tracker in problem.trackers]
     accelerations = [np.gradient(track.v, period) for track in tracks]
     motion = list(zip(tracks, times, accelerations, strict=True))
-    own = level_course(axis, model.terms[index], motion)
-    if own is None:
-        return {}
+    total = 1.0 + np.concatenate([track.level for track in tracks])
+    for index in at:
+        own = level_course(axis, model.terms[index], motion)
+        if own is None:
+            return {}
+        total = total * (1.0 + own)
     sliding = np.concatenate([np.abs(track.v) > _SLIDING for track in tracks])
-    tracked = np.concatenate([track.level for track in tracks])
-    level = ((1.0 + own) * (1.0 + tracked) - 1.0)[sliding]
+    level = total[sliding] - 1.0
     travelled = min(float(t.x.min()) for t in tracks), max(float(t.x.max()) for t in tracks)
     # Energy of one independent sample of the wander, which is correlated in time.
     unit = 2.0 * problem.axis.correlation_time / period * problem.axis.wander**2
@@ -173,11 +200,12 @@ def _evidence(
     width = sum(high - low for low, high in parameter.ranges(axis))
     spread = abs(first) * math.sqrt(unit / square) / width
     beyond = IMPLAUSIBLE * implausibility(term, axis)
-    return Evidence(-0.5 * (left + beyond) + math.log(spread), term)
+    return Evidence(-0.5 * (left + beyond) + math.log(spread), spread, term)
 
 
-def _swap(problem: AxisProblem, model: AxisModel, index: int, term: Term) -> Fitted:
-    """The model with another effect in the place of one, fitted."""
-    terms = (*model.terms[:index], term, *model.terms[index + 1 :])
+def _swap(problem: AxisProblem, model: AxisModel, at: Sequence[int], term: Term) -> Fitted:
+    """The model with another effect in the place of some, fitted."""
+    rest = [each for i, each in enumerate(model.terms) if i not in at]
+    terms = (*rest[: at[0]], term, *rest[at[0] :])
     found = fit(problem, replace(model, terms=terms), 4, thorough=False)
     return fit(problem.finer_if_close(found.residual), found.model, 2)

@@ -125,19 +125,27 @@ def fit_repeats(
         if not trials:
             continue
         best = min(trials, key=lambda trial: trial.cost)
+        course = is_coulomb_drift(term, problem.axis)
+        single = _fit_single(problem, best.model, term.name, columns) if course else found
         repeat = Repeat(
-            found.cost - best.cost,
+            min(found.cost, single.cost) - best.cost,
             share(term.effect, found.model),
             found.cost - problem.expected_cost(),
             loop(best.model),
             loop(found.model),
             best.model,
-            is_coulomb_drift(term, problem.axis),
+            course,
         )
         out[term.name] = repeat
         if repeat.closes and repeat.gain > LEAST_GAIN and not repeat.departs:
             out[term.name] = _fit_further(problem, repeat, found, best, loop)
     return out
+
+
+def _fit_single(problem: AxisProblem, model: AxisModel, name: str, columns: F64) -> Fitted:
+    """Fit a model with a repeat without it again: other values may have been what gained."""
+    last = max(i for i, term in enumerate(model.terms) if term.name == name)
+    return fit(problem, model.without(last), 10, columns, thorough=False)
 
 
 def _fit_further(

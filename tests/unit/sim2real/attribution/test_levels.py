@@ -29,7 +29,7 @@ def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
     problem, known = problem_of(recording, nominal[1], "y"), library()
     wrong = Term(known["coulomb_level"], (sum(values.values()) if true == LEVELS[0] else 1.15,))
     fitted = fit(problem, problem.start.added(wrong), 4, thorough=False)
-    weighed = weigh_levels(problem, fitted.model, 0, [known[name] for name in LEVELS])
+    weighed = weigh_levels(problem, fitted.model, [0], [known[name] for name in LEVELS])
     assert set(weighed) == set(LEVELS)
     assert max(weighed, key=lambda name: weighed[name].value) == true
     found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
@@ -49,3 +49,32 @@ def test_a_slow_drift_may_as_well_be_another_level(
     (other,) = {"coulomb_level", "thermal_drift"} - {chosen}
     assert found.odds[chosen][other] > 0.2
     assert {a.model.names() for a in found.fitted} == {("coulomb_level",), ("thermal_drift",)}
+
+
+def test_one_drift_is_not_a_level_and_another_drift(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """They fit as well together; one effect that does is more probable."""
+    drift = {"amplitude": 0.24, "time_constant": 57.0}
+    recording = stage_with(nominal, 53, seconds=6.0, y={"thermal_drift": drift})
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    level = Term(known["coulomb_level"], (1.18,))
+    second = Term(known["thermal_drift"], (0.04, 6.9))
+    both = problem.start.added(level).added(second)
+    fitted = fit(problem, both, 4, thorough=False)
+    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    assert len(found.best.model.names()) == 1
+
+
+def test_a_level_and_a_fast_drift_stay_two(nominal: tuple[Recording, StageSettings]) -> None:
+    """The level at the end is not that of the machine file."""
+    drift = {"amplitude": 0.3, "time_constant": 2.0}
+    recording = stage_with(
+        nominal, 54, seconds=6.0, y={"coulomb_level": {"ratio": 1.25}, "thermal_drift": drift}
+    )
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    both = problem.start.added(Term(known["coulomb_level"], (1.2,)))
+    both = both.added(Term(known["thermal_drift"], (0.25, 3.0)))
+    fitted = fit(problem, both, 4, thorough=False)
+    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    assert set(found.best.model.names()) == {"coulomb_level", "thermal_drift"}
