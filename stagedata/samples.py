@@ -79,8 +79,12 @@ class Samples:
         """Consecutive blocks as one."""
         if len(parts) == 1:
             return parts[0]
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS))
 
     def tail(self, count: int) -> Samples:
         """The last `count` rows, or all where there are fewer."""
-        return Samples(*(getattr(self, f.name)[max(len(self) - count, 0) :] for f in fields(self)))
+        first = max(len(self) - count, 0)
+        return Samples(*[getattr(self, name)[first:] for name in _COLUMNS])
+
+
+_COLUMNS = tuple(field.name for field in fields(Samples))

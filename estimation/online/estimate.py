@@ -211,5 +211,5 @@ def in_units(relative: F64, start: FrictionFigures) -> F64:
     """Covariance of the law's figures in their units, in the order of `spreads`."""
     own = [i for i, name in enumerate(FIGURES[:MASS]) if start.has(name)]
     scale = np.array([float(getattr(start, FIGURES[i])) for i in own])
-    covariance: F64 = relative[np.ix_(own, own)] * np.outer(scale, scale)
+    covariance: F64 = relative[own][:, own] * scale * scale[:, None]
     return covariance

@@ -61,8 +61,8 @@ class Streamer:
         self.samples = samples
         self.rest_force: F64 = np.zeros(count)
         self._latest = Samples.missing(0, count)
-        self._before_move = self._latest
-        self._blocks: list[Samples] = []
+        self._at_rest = 0
+        self._blocks = [self._latest]
         self._planned: list[F64] = []
 
     @property
@@ -78,22 +78,25 @@ class Streamer:
     @property
     def has_record(self) -> bool:
         """Whether anything has been streamed since the move under way began."""
-        return bool(self._blocks)
+        return bool(self._planned)
 
     def begin_move(self) -> None:
         """From here on the samples are those of a move, after the last few at rest."""
         if len(self._latest):
             self.rest_force = mean_force(self._latest)
-        self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
-        self._blocks, self._planned = [], []
+        before = self._latest.tail(SAMPLES_BEFORE_MOVE)
+        self._at_rest = len(before)
+        self._blocks, self._planned = [before], []
 
     def record(self) -> Samples:
         """What has come back of the move so far, the samples at rest before it included."""
-        return Samples.concatenate([self._before_move, *self._blocks])
+        self._blocks = [Samples.concatenate(self._blocks)]
+        return self._blocks[0]
 
     def streamed(self) -> tuple[Samples, F64]:
         """The samples since the move began, and the force offsets as planned [N], shape (K, n)."""
-        return Samples.concatenate(self._blocks), np.concatenate(self._planned)
+        record = self.record()
+        return record.tail(len(record) - self._at_rest), np.concatenate(self._planned)
 
     def stream(self, demand: F64, offset: F64, until: Until | None = None) -> int:
         """Send setpoints and keep the samples; return how many went.

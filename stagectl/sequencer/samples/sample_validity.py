@@ -90,11 +90,14 @@ def without_stale(samples: Samples) -> Samples:
     valid = samples.valid.copy()
     for position, force, ok in zip(samples.position.T, samples.force.T, valid.T, strict=True):
         rows = np.flatnonzero(ok)
-        step = np.abs(np.diff(position[rows]))
-        same = (step == 0.0) & (np.diff(force[rows]) == 0.0)
+        there, felt = position[rows], force[rows]
+        step = np.abs(there[1:] - there[:-1])
+        same = (step == 0.0) & (felt[1:] == felt[:-1])
         if not same.any() or not step.any():
             continue
         jumped = step > STALE_STEPS * step[step > 0.0].min()
+        if not (same[:-1] & jumped[1:]).any():
+            continue
         # The step that ends a run of repeats decides about all of them.
         ends = np.where(~same, np.arange(len(same)), len(same))
         ends = np.minimum.accumulate(ends[::-1])[::-1]
