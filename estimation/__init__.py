@@ -6,7 +6,7 @@
 - `field`: friction over the table, tracked from run to run.
 
 Modules beside them serve several: `trajectory`, `move`, `kinematics`, `noise`, `sampled_force`,
-`least_squares`.
+`low_speed_friction`, `least_squares`.
 Nothing is imported here, so that a program that only plans trajectories starts without a compiler.
 """
 
@@ -15,6 +15,7 @@ __all__ = [
     "friction",
     "kinematics",
     "least_squares",
+    "low_speed_friction",
     "move",
     "noise",
     "offline",

@@ -75,7 +75,7 @@ def with_mean_force(
         if not move.valid.all():
             index = np.arange(len(sound))
             path = np.interp(index, index[move.valid], path[move.valid])
-        model, _ = follow(friction, state.copy(), path, _slope(path, period), period)
+        model, _ = follow(friction, state.copy(), path, slope(path, period), period)
         around -= SMOOTH * _bend(model)
     force = move.force.copy()
     inner = sound[:-2] & sound[1:-1] & sound[2:]
@@ -83,12 +83,12 @@ def with_mean_force(
     return replace(move, force=force)
 
 
-def _slope(path: F64, period: float) -> F64:
+def slope(path: F64, period: float) -> F64:
     """Central differences, one-sided at the ends; `numpy.gradient` takes four times as long."""
-    slope = np.empty(len(path))
-    slope[1:-1] = (path[2:] - path[:-2]) / (2.0 * period)
-    slope[0], slope[-1] = (path[1] - path[0]) / period, (path[-1] - path[-2]) / period
-    return slope
+    rate = np.empty(len(path))
+    rate[1:-1] = (path[2:] - path[:-2]) / (2.0 * period)
+    rate[0], rate[-1] = (path[1] - path[0]) / period, (path[-1] - path[-2]) / period
+    return rate
 
 
 def _bend(values: F64) -> F64:

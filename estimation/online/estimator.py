@@ -181,6 +181,12 @@ class SplitHorizonEstimator:
                 unit = float(self._axis["unit"][i])
                 self._belief.set_apart(i, value / unit, sigma / unit)
 
+    def doubt(self) -> None:
+        """The figures count as a start only: what the moves so far showed has another reason."""
+        for i, spread in enumerate(self.settings.belief.start_spread[:MASS]):
+            value = float(self._belief.mean[i])
+            self._belief.set_apart(i, value, spread * value)
+
     def saturates_at(self, force: float) -> None:
         """From now on samples at or beyond this force are saturated and left out [N]."""
         self.settings = replace(self.settings, peak_force=force)

@@ -62,7 +62,10 @@ class Observers:
         return [
             f"axis {name}: {clause}; it is fed forward"
             for name, compensation in axes
-            for clause in compensation.acceleration.describe()
+            for clause in (
+                *compensation.acceleration.describe(),
+                *compensation.low_speed.describe(),
+            )
         ] + [
             f"axis {name}: friction sticks without presliding; the observer assumes none "
             "(friction.model: coulomb)"

@@ -247,14 +247,15 @@ class RunRecord:
         )
 
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
-        estimate, friction = event.estimate, event.estimate.friction
+        estimate, figures = event.estimate, dict(record.figures)
         sigma, gain, held = dict(estimate.sigma), estimate.gain, estimate.held
-        units = [name for name in UNITS if friction.has(name)]
-        if "attraction" in units:
-            rate = sigma.pop("relaxation_rate") / friction.relaxation_rate
+        if "relaxation_rate" in figures:
+            rate = sigma.pop("relaxation_rate") / figures["relaxation_rate"]
             # C = rate Fc: relative variances add.
-            relative = (rate**2 + (sigma["coulomb"] / friction.coulomb) ** 2) ** 0.5
-            sigma["attraction"] = friction.attraction * relative
+            relative = (rate**2 + (sigma["coulomb"] / figures["coulomb"]) ** 2) ** 0.5
+            figures["attraction"] = figures["relaxation_rate"] * figures["coulomb"]
+            sigma["attraction"] = figures["attraction"] * relative
+        units = [name for name in UNITS if name in figures]
         self.journal.event(
             "friction",
             site=event.site,
@@ -262,10 +263,7 @@ class RunRecord:
             accepted=estimate.accepted,
             reason=estimate.reason,
             compute_time=finite(event.compute_time),
-            parameters={
-                name: (finite(float(getattr(friction, name))), finite(sigma[name]))
-                for name in units
-            },
+            parameters={name: (finite(figures[name]), finite(sigma[name])) for name in units},
             gain={name: finite(gain[_ESTIMATED_AS.get(name, name)]) for name in units},
             held=[name for name in units if _ESTIMATED_AS.get(name, name) in held],
             local=event.local,

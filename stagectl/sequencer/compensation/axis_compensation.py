@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from estimation.friction import (
     F64,
     FrictionState,
     count_states,
+    follow,
     friction_feedforward,
     level_with_target,
     remaining_feedforward,
@@ -29,10 +30,11 @@ from estimation.friction import (
     varying_feedforward,
 )
 from estimation.known_effects import KnownTerms, known_figures
+from estimation.low_speed_friction import FASTEST, LowSpeedFriction
 from estimation.move import MoveData
 from estimation.observer import Design
 from estimation.online import Estimate, SplitHorizonEstimator
-from estimation.sampled_force import kink_share, with_mean_force
+from estimation.sampled_force import kink_share, slope, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import estimator_settings, kink_delay
@@ -121,6 +123,7 @@ class AxisCompensation:
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
         ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
         self.acceleration = AccelerationForce(axis.plant.mass, ahead, period)
+        self.low_speed = LowSpeedFriction(friction.coulomb, period)
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state before a move to another Coulomb force, with forces as they are there.
         self._departure: FrictionState | None = None
@@ -176,7 +179,7 @@ class AxisCompensation:
                 None where it is the same everywhere.
             across: demand of the other axis.
         """
-        force = self.acceleration.along(trajectory, across, samples)
+        force = self._learned_force(trajectory, across, samples)
         ahead = self.acceleration.ahead
         if self.mode is Mode.NONE:
             return rest_offset + force
@@ -229,11 +232,11 @@ class AxisCompensation:
         Returns:
             Offsets of the whole move, shape (samples,) [N]; None where the model holds.
         """
-        preview = self.estimator.preview(self._with_mean_force(move))
+        preview = self.estimator.preview(self._without_low_speed(self._with_mean_force(move)))
         if preview is None or abs(preview.change) < REVISE_FROM:
             return None
         samples = len(offsets)
-        force, ahead = self.acceleration.along(trajectory, across, samples), self.acceleration.ahead
+        force, ahead = self._learned_force(trajectory, across, samples), self.acceleration.ahead
         force = force[sent:] - force[sent - 1]
         if variation is None:
             force += remaining_feedforward(
@@ -263,7 +266,7 @@ class AxisCompensation:
             offset: in effect when it begins [N].
             acceleration: demanded at that moment [m/s^2].
         """
-        force = self.acceleration.along(stop, None, samples)
+        force = self._learned_force(stop, None, samples)
         return offset - self.acceleration.mass * acceleration + force
 
     def learn(self, move: MoveData) -> Learned | None:
@@ -281,7 +284,10 @@ class AxisCompensation:
         if self.mode is Mode.NONE:
             return None
         begin = time.perf_counter()
-        estimate = self.estimator.update(self._with_mean_force(move))
+        move = self._with_mean_force(move)
+        if self.mode is Mode.ESTIMATED:
+            self._learn_low_speed(move)
+        estimate = self.estimator.update(self._without_low_speed(move))
         spent = time.perf_counter() - begin
         if self.mode is not Mode.ESTIMATED:
             return None
@@ -387,6 +393,40 @@ class AxisCompensation:
             forces = self._departure.forces
             forces += (rest_force - self._departure.total) / len(forces)
         return self._departure
+
+    def _learned_force(
+        self, trajectory: Trajectory, across: Trajectory | None, samples: int
+    ) -> F64:
+        """Force for the acceleration, and for friction at low speed, at each setpoint [N]."""
+        force = self.acceleration.along(trajectory, across, samples)
+        if self.low_speed.is_confirmed:
+            ahead = self.acceleration.ahead
+            time = np.asarray(np.arange(1, samples + 1) * self._period + ahead, np.float64)
+            force = force + self.low_speed.force(trajectory.sample(time)[1])
+        return force
+
+    def _learn_low_speed(self, move: MoveData) -> None:
+        """Learn friction at low speed from the end of a long move.
+
+        Estimates made before it was known, or with a wrong one, count as a start only.
+        """
+        position, state = move.position, self.estimator.state
+        if state is None or not move.valid.all():
+            return
+        velocity = slope(position, self._period)
+        if np.abs(velocity).max() < FASTEST:
+            return
+        friction = self.estimator.effective(move.time)
+        force, _ = follow(friction, state.copy(), position, velocity, self._period)
+        if self.low_speed.learn(position, move.force, force):
+            self.estimator.doubt()
+
+    def _without_low_speed(self, move: MoveData) -> MoveData:
+        """A move's data without the friction at low speed that the law does not have."""
+        if not self.low_speed.level or not move.valid.all():
+            return move
+        velocity = slope(move.position, self._period)
+        return replace(move, force=move.force - self.low_speed.force(velocity))
 
     def _with_mean_force(self, move: MoveData) -> MoveData:
         estimator = self.estimator

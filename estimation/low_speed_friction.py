@@ -1,0 +1,202 @@
+"""Friction at low speed that the friction law does not have, learned where long moves come to rest.
+
+A nut that creeps over its preload, balls that roll in their own grease and worn seals add a force
+that dies out with speed. In the deceleration of a long move everything slides, so that what the
+measured force has beside mass, Coulomb and viscous friction is this force. Its level and the speed
+over which it decays are found by least squares: for each speed of a grid the level follows
+linearly, and the sums over the moves are kept for each of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import kernel, machine_code
+
+F64 = NDArray[np.float64]
+
+SPEEDS = np.geomspace(2e-3, 5e-2, 17)
+"""Speeds over which the force may decay [m/s]."""
+FASTEST = 0.1
+"""Faster than this, none of it is left [m/s]."""
+SLOWEST = 1e-3
+"""Slower than this an axis may have stopped sliding [m/s]."""
+FEWEST = 12
+"""Samples of a deceleration that say anything."""
+KEPT = 0.9
+"""Weight of a move relative to the next one: friction may change."""
+EXPLAINED = 0.25
+"""It is fed forward if it leaves at most this share of what later moves show."""
+SIGNIFICANT = 5.0
+"""Standard deviations by which it must differ from zero."""
+LEAST = 0.03
+"""Smallest share of Fc that is taken for a force of its own."""
+_CORRELATED = 8.0
+"""Neighbouring samples whose errors are alike."""
+_NUISANCES = 5
+"""Constant, velocity, acceleration and jerk are friction's and the mass' own; the acceleration's
+cube is that of a motor which saturates."""
+_NOISE = 2e-3
+"""Least rms of a force sample, relative to Fc."""
+
+
+class LowSpeedFriction:
+    """Of one axis.
+
+    Args:
+        coulomb: Fc of the start model [N].
+        period: Ts [s].
+
+    Attributes:
+        level: of the force, as far as it is significant and no move contradicts it [N].
+        speed: over which it decays [m/s].
+        is_confirmed: a move has shown it that it was not learned from.
+    """
+
+    def __init__(self, coulomb: float, period: float) -> None:
+        self.level, self.speed, self.is_confirmed = 0.0, float(SPEEDS[0]), False
+        self._coulomb, self._period = coulomb, period
+        self._sums = np.zeros((len(SPEEDS), 3))
+        self._moves = 0
+        self._before = self._after = 0.0
+        self._value = 0.0
+        rest, sums = np.zeros(2), np.zeros((len(SPEEDS), 3))
+        self._add_up = machine_code(add_up, rest, rest, rest, 0, period, SPEEDS, sums)
+
+    def force(self, velocity: F64) -> F64:
+        """Along velocities [m/s]: force [N], same shape."""
+        share = velocity / self.speed
+        result: F64 = self.level * np.tanh(5.0 * share) * np.exp(-np.abs(share))
+        return result
+
+    def describe(self) -> list[str]:
+        """What is fed forward that the friction law does not have, as clauses."""
+        if not self.is_confirmed:
+            return []
+        more = f"{abs(self.level):.2g} N {'more' if self.level > 0.0 else 'less'}"
+        return [f"friction takes {more} force at low speed, below {1e3 * self.speed:.2g} mm/s"]
+
+    def learn(self, position: F64, force: F64, friction: F64) -> bool:
+        """Learn from a long move; True where `level` has become another than zero, or zero again.
+
+        Args:
+            position: sampled [m], shape (K,), without gaps.
+            force: measured, shape (K,) [N].
+            friction: of the model, without its viscous part, shape (K,) [N].
+        """
+        begin = int(np.argmax(np.abs(position[2:] - position[:-2]))) + 1
+        sums = np.zeros_like(self._sums)
+        count = self._add_up(position, force, friction, begin, self._period, SPEEDS, sums)
+        if count < FEWEST:
+            return False
+        left = _misfit(sums, 0.0)
+        noise = max(float(left.min()) / count, (_NOISE * self._coulomb) ** 2)
+        sums /= noise * _CORRELATED
+        known = self.level != 0.0
+        if self._moves:
+            self._compare(sums)
+        self._moves += 1
+        self._sums = KEPT * self._sums + sums
+        self._decide()
+        return known != (self.level != 0.0)
+
+    def _compare(self, sums: F64) -> None:
+        """Note how well a move shows what was learned before it."""
+        at = int(np.argmin(_misfit(self._sums, self._coulomb)))
+        own, along, square = sums[at]
+        left = float(_misfit(sums, 0.0).min())
+        value = self._value
+        self._before = KEPT * self._before + square - left
+        self._after = KEPT * self._after + square - 2.0 * value * along + value**2 * own - left
+
+    def _decide(self) -> None:
+        """Level and speed that the moves together show."""
+        misfit = _misfit(self._sums, self._coulomb)
+        at = int(np.argmin(misfit))
+        own = self._sums[:, 0] + self._coulomb**-2
+        values = self._sums[:, 1] / own
+        self._value = float(values[at])
+        aside = 0.0
+        if 0 < at < len(SPEEDS) - 1:  # the vertex of the parabola through three speeds
+            below, lowest, above = misfit[at - 1 : at + 2]
+            aside = 0.5 * float((below - above) / (below - 2.0 * lowest + above))
+        places = np.arange(len(SPEEDS))
+        level = float(np.interp(at + aside, places, values))
+        self.speed = float(np.exp(np.interp(at + aside, places, np.log(SPEEDS))))
+        agrees = self._after <= EXPLAINED * self._before
+        certain = abs(level) > LEAST * self._coulomb + SIGNIFICANT / np.sqrt(own[at])
+        self.level = level if agrees and certain else 0.0
+        self.is_confirmed = bool(self.level) and self._moves > 1
+
+
+def _misfit(sums: F64, spread: float) -> F64:
+    """What each speed leaves of the force, with a spread of its level beforehand [N]; 0: none."""
+    own = sums[:, 0] + (spread**-2 if spread else 1e-12)
+    misfit: F64 = sums[:, 2] - sums[:, 1] ** 2 / own
+    return misfit
+
+
+@kernel()
+def add_up(position, force, friction, begin, period, speeds, sums):  # type: ignore[no-untyped-def]
+    """Sums over a deceleration; returns the number of its samples.
+
+    Args:
+        position: [m], (K,).
+        force: measured [N], (K,).
+        friction: of the model [N], (K,).
+        begin: of the deceleration.
+        period: Ts [s].
+        speeds: S to try [m/s], (S,).
+        sums: written, (S, 3): squares of the force's shape, its products with the force, and
+            squares of the force; all of them without what goes with the nuisances.
+    """
+    nuisances = np.empty((_NUISANCES, position.shape[0]))
+    velocities, own = np.empty(position.shape[0]), np.empty(position.shape[0])
+    count = 0
+    for k in range(max(begin, 2), position.shape[0] - 2):
+        steps = position[k + 1] - position[k - 1]
+        velocity = 0.5 * steps / period
+        if abs(velocity) > FASTEST:
+            continue
+        if abs(velocity) < SLOWEST:
+            break
+        bend = (position[k + 1] - 2.0 * position[k] + position[k - 1]) / period**2
+        nuisances[0, count] = 1.0
+        nuisances[1, count] = velocity
+        nuisances[2, count] = bend
+        nuisances[3, count] = (0.5 * (position[k + 2] - position[k - 2]) - steps) / period**3
+        nuisances[4, count] = bend**3
+        velocities[count], own[count] = velocity, force[k] - friction[k]
+        count += 1
+    if count < FEWEST:
+        return count
+    basis = nuisances[:, :count].copy()
+    for i in range(_NUISANCES):
+        _take_off(basis[:i], basis[i])
+        basis[i] /= math.sqrt((basis[i] ** 2).sum()) + 1e-300
+    left = own[:count].copy()
+    _take_off(basis, left)
+    shape = np.empty(count)
+    for s in range(speeds.shape[0]):
+        for n in range(count):
+            share = velocities[n] / speeds[s]
+            shape[n] = np.tanh(5.0 * share) * np.exp(-abs(share))
+        _take_off(basis, shape)
+        sums[s, 0] = (shape * shape).sum()
+        sums[s, 1] = (shape * left).sum()
+        sums[s, 2] = (left * left).sum()
+    return count
+
+
+@kernel()
+def _take_off(basis, values):  # type: ignore[no-untyped-def]
+    """Take from values, (n,), what goes with orthonormal rows, (m, n)."""
+    for i in range(basis.shape[0]):
+        share = 0.0
+        for n in range(values.shape[0]):
+            share += basis[i, n] * values[n]
+        for n in range(values.shape[0]):
+            values[n] -= share * basis[i, n]

@@ -1,0 +1,94 @@
+"""Friction at low speed, learned where long moves come to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from estimation.low_speed_friction import LowSpeedFriction
+from estimation.trajectory import Limits, plan
+
+F64 = NDArray[np.float64]
+PERIOD, MASS, COULOMB, VISCOUS = 1e-3, 8.0, 6.0, 12.0
+LIMITS = Limits(velocity=0.3, acceleration=3.0, jerk=60.0)
+
+
+def decelerate(
+    number: int, extra: F64 | float = 0.0, to: float = 0.05
+) -> tuple[F64, F64, F64, F64]:
+    """Position, force, model's friction and velocity of a long move; `extra` acts besides."""
+    motion = plan(0.0, to, LIMITS)
+    time = np.arange(round(motion.duration / PERIOD) + 30) * PERIOD
+    position, velocity, acceleration = motion.sample(time)
+    friction = COULOMB * np.sign(velocity)
+    noise = np.random.default_rng(number)
+    force = MASS * acceleration + friction + VISCOUS * velocity + extra
+    return (
+        position + noise.normal(0.0, 1e-9, len(time)),
+        force + noise.normal(0.0, 0.01, len(time)),
+        friction,
+        velocity,
+    )
+
+
+def extra_force(level: float, speed: float, velocity: F64) -> F64:
+    """A force that dies out with speed."""
+    share = velocity / speed
+    return np.asarray(level * np.tanh(5.0 * share) * np.exp(-np.abs(share)))
+
+
+@pytest.mark.parametrize("level", [3.0, -2.0])
+@pytest.mark.parametrize("speed", [7e-3, 12e-3, 28e-3])
+@pytest.mark.parametrize("to", [0.05, -0.05])
+def test_level_and_speed_are_found(level: float, speed: float, to: float) -> None:
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    changes = 0
+    for number in range(4):
+        *_, velocity = decelerate(number, to=to)
+        extra = extra_force(level, speed, velocity)
+        position, force, friction, _ = decelerate(number, extra, to)
+        changes += found.learn(position, force, friction)
+        assert not (number == 0 and found.is_confirmed)
+    assert found.is_confirmed
+    assert changes == 1
+    slow = np.linspace(-0.05, 0.05, 101)
+    off = np.abs(found.force(slow) - extra_force(level, speed, slow)).max()
+    assert off < 0.15 * abs(level)
+    assert len(found.describe()) == 1
+
+
+def test_the_right_model_leaves_nothing() -> None:
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    for number in range(5):
+        position, force, friction, _ = decelerate(number)
+        assert not found.learn(position, force, friction)
+    assert found.level == 0.0
+    assert found.describe() == []
+
+
+def test_a_motor_that_saturates_is_not_friction() -> None:
+    """The drive reports the force that it asks for; at large ones the motor makes less."""
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    for number in range(5):
+        position, force, friction, _ = decelerate(number)
+        found.learn(position, force * (1.0 + (force / 60.0) ** 2), friction)
+    assert not found.is_confirmed
+
+
+def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    for number, level in enumerate((2.0, -1.5, 0.5, -2.0)):
+        *_, velocity = decelerate(number)
+        extra = extra_force(level, 9e-3, velocity)
+        position, force, friction, _ = decelerate(number, extra)
+        found.learn(position, force, friction)
+        assert not found.is_confirmed
+    assert found.level == 0.0
+
+
+def test_a_short_record_says_nothing() -> None:
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    position, force, friction, _ = decelerate(0)
+    assert not found.learn(position[:40], force[:40], friction[:40])
+    assert found.level == 0.0
