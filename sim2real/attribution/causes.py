@@ -131,8 +131,8 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
     """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
 
     Doubt arises from a size that may be zero by its sigma (unless the effect has another shape than
-    the library's, or the fit needs it), and from implausible values (unless the effect stands for a
-    free form, or alone explains the axis completely).
+    the library's), and from implausible values (unless the effect stands for a free form, or alone
+    explains the axis completely). What the fit needs is not doubted.
     """
     axis = found.problem.axis
     repeat = found.repeats.get(term.name)
@@ -140,13 +140,10 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
     is_free = repeat is not None and repeat.is_free
     alone = found.is_complete and len(found.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
-    uncertain = (
-        not departs
-        and not _is_needed(found, term)
-        and any(_is_size_uncertain(entry, figures, axis) for entry in entries)
-    )
+    uncertain = not departs and any(_is_size_uncertain(entry, figures, axis) for entry in entries)
     plausible = is_free or alone or implausibility(term, axis) <= STRANGE
-    return DOUBTED if uncertain or not plausible else 1.0
+    doubtful = uncertain or not plausible
+    return DOUBTED if doubtful and not _is_needed(found, term) else 1.0
 
 
 def _is_needed(found: AxisSearch, term: Term) -> bool:

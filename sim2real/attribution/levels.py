@@ -162,8 +162,8 @@ def weigh_levels(
             if course is not None and course[sliding].any()
         ]
         if each:
-            total = float(np.logaddexp.reduce([e.value for e in each])) - math.log(len(each))
-            found[effect.name] = replace(max(each, key=lambda e: e.value), value=total)
+            mean = float(np.logaddexp.reduce([e.value for e in each])) - math.log(len(each))
+            found[effect.name] = replace(max(each, key=lambda e: e.value), value=mean)
     return found
 
 

@@ -109,6 +109,11 @@ def conclude(
     )
     models = {name: found.best.model for name, found in searches.items()}
     confident = [cause for cause in causes if cause.probability > 0.5]
+    left_out = _left_out(searches, confident)
+    if confident and left_out:  # the twin has only the probable causes, so only they are promised
+        whole = False
+        after = np.maximum.reduce([held_out.energies(held_out.without[key]) for key in left_out])
+        share, interval = share_closed(before, after, samples)
     if confident:
         enough = whole and share is not None and share >= _ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
@@ -150,6 +155,19 @@ def conclude(
     profiles = tuple(profile for test in tests for profile in test.profiles(models))
     plant = moved_figures(examined.settings, models)
     return Diagnosis(report, models, searches, held_out.explained(), plant, profiles)
+
+
+def _left_out(
+    searches: Mapping[str, AxisSearch], confident: Sequence[Cause]
+) -> list[tuple[str, int]]:
+    """Axis and index of the effects of the models that are not among the probable causes."""
+    named = {(cause.axis, cause.effect) for cause in confident}
+    return [
+        (axis, index)
+        for axis, found in searches.items()
+        for index, name in enumerate(found.best.model.names())
+        if (axis, name) not in named
+    ]
 
 
 def _steps(searches: Mapping[str, AxisSearch]) -> tuple[SelectionStep, ...]:
