@@ -51,13 +51,12 @@ class LowSpeedFriction:
         period: Ts [s].
 
     Attributes:
-        level: of the force, as far as it is significant and no move contradicts it [N].
+        level: of the force, once a move has shown it that it was not learned from; else 0 [N].
         speed: over which it decays [m/s].
-        is_confirmed: a move has shown it that it was not learned from.
     """
 
     def __init__(self, coulomb: float, period: float) -> None:
-        self.level, self.speed, self.is_confirmed = 0.0, float(SPEEDS[0]), False
+        self.level, self.speed = 0.0, float(SPEEDS[0])
         self._coulomb, self._period = coulomb, period
         self._sums = np.zeros((len(SPEEDS), 3))
         self._moves = 0
@@ -74,18 +73,19 @@ class LowSpeedFriction:
 
     def describe(self) -> list[str]:
         """What is fed forward that the friction law does not have, as clauses."""
-        if not self.is_confirmed:
+        if not self.level:
             return []
         more = f"{abs(self.level):.2g} N {'more' if self.level > 0.0 else 'less'}"
         return [f"friction takes {more} force at low speed, below {1e3 * self.speed:.2g} mm/s"]
 
-    def learn(self, position: F64, force: F64, friction: F64) -> bool:
+    def learn(self, position: F64, force: F64, friction: F64, coulomb: float) -> bool:
         """Learn from a long move; True where `level` has become another than zero, or zero again.
 
         Args:
             position: sampled [m], shape (K,), without gaps.
             force: measured, shape (K,) [N].
             friction: of the model, without its viscous part, shape (K,) [N].
+            coulomb: Fc of the model [N].
         """
         begin = int(np.argmax(np.abs(position[2:] - position[:-2]))) + 1
         sums = np.zeros_like(self._sums)
@@ -100,7 +100,7 @@ class LowSpeedFriction:
             self._compare(sums)
         self._moves += 1
         self._sums = KEPT * self._sums + sums
-        self._decide()
+        self._decide(coulomb)
         return known != (self.level != 0.0)
 
     def _compare(self, sums: F64) -> None:
@@ -112,8 +112,8 @@ class LowSpeedFriction:
         self._before = KEPT * self._before + square - left
         self._after = KEPT * self._after + square - 2.0 * value * along + value**2 * own - left
 
-    def _decide(self) -> None:
-        """Level and speed that the moves together show."""
+    def _decide(self, coulomb: float) -> None:
+        """Level and speed that the moves together show; friction never drives an axis."""
         misfit = _misfit(self._sums, self._coulomb)
         at = int(np.argmin(misfit))
         own = self._sums[:, 0] + self._coulomb**-2
@@ -127,9 +127,10 @@ class LowSpeedFriction:
         level = float(np.interp(at + aside, places, values))
         self.speed = float(np.exp(np.interp(at + aside, places, np.log(SPEEDS))))
         agrees = self._after <= EXPLAINED * self._before
-        certain = abs(level) > LEAST * self._coulomb + SIGNIFICANT / np.sqrt(own[at])
-        self.level = level if agrees and certain else 0.0
-        self.is_confirmed = bool(self.level) and self._moves > 1
+        certain = abs(level) > LEAST * coulomb + SIGNIFICANT / np.sqrt(own[at])
+        # What dies out faster than the lowest speed is presliding, which the law has or has not.
+        likely = at > 0 and abs(level) < coulomb
+        self.level = level if self._moves > 1 and agrees and certain and likely else 0.0
 
 
 def _misfit(sums: F64, spread: float) -> F64:

@@ -399,7 +399,7 @@ class AxisCompensation:
     ) -> F64:
         """Force for the acceleration, and for friction at low speed, at each setpoint [N]."""
         force = self.acceleration.along(trajectory, across, samples)
-        if self.low_speed.is_confirmed:
+        if self.low_speed.level:
             ahead = self.acceleration.ahead
             time = np.asarray(np.arange(1, samples + 1) * self._period + ahead, np.float64)
             force = force + self.low_speed.force(trajectory.sample(time)[1])
@@ -418,7 +418,7 @@ class AxisCompensation:
             return
         friction = self.estimator.effective(move.time)
         force, _ = follow(friction, state.copy(), position, velocity, self._period)
-        if self.low_speed.learn(position, move.force, force):
+        if self.low_speed.learn(position, move.force, force, friction.coulomb):
             self.estimator.doubt()
 
     def _without_low_speed(self, move: MoveData) -> MoveData:

@@ -48,9 +48,9 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
         *_, velocity = decelerate(number, to=to)
         extra = extra_force(level, speed, velocity)
         position, force, friction, _ = decelerate(number, extra, to)
-        changes += found.learn(position, force, friction)
-        assert not (number == 0 and found.is_confirmed)
-    assert found.is_confirmed
+        changes += found.learn(position, force, friction, COULOMB)
+        assert not (number == 0 and found.level)
+    assert found.level
     assert changes == 1
     slow = np.linspace(-0.05, 0.05, 101)
     off = np.abs(found.force(slow) - extra_force(level, speed, slow)).max()
@@ -62,7 +62,7 @@ def test_the_right_model_leaves_nothing() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
         position, force, friction, _ = decelerate(number)
-        assert not found.learn(position, force, friction)
+        assert not found.learn(position, force, friction, COULOMB)
     assert found.level == 0.0
     assert found.describe() == []
 
@@ -72,8 +72,8 @@ def test_a_motor_that_saturates_is_not_friction() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
         position, force, friction, _ = decelerate(number)
-        found.learn(position, force * (1.0 + (force / 60.0) ** 2), friction)
-    assert not found.is_confirmed
+        found.learn(position, force * (1.0 + (force / 60.0) ** 2), friction, COULOMB)
+    assert not found.level
 
 
 def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
@@ -82,13 +82,13 @@ def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
         *_, velocity = decelerate(number)
         extra = extra_force(level, 9e-3, velocity)
         position, force, friction, _ = decelerate(number, extra)
-        found.learn(position, force, friction)
-        assert not found.is_confirmed
+        found.learn(position, force, friction, COULOMB)
+        assert not found.level
     assert found.level == 0.0
 
 
 def test_a_short_record_says_nothing() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     position, force, friction, _ = decelerate(0)
-    assert not found.learn(position[:40], force[:40], friction[:40])
+    assert not found.learn(position[:40], force[:40], friction[:40], COULOMB)
     assert found.level == 0.0
