@@ -10,11 +10,16 @@ linearly, and the sums over the moves are kept for each of them.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel, machine_code
+from estimation.friction import FrictionState, follow
+from estimation.move import MoveData
+from estimation.sampled_force import slope
+from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 
@@ -43,6 +48,15 @@ _NOISE = 2e-3
 """Least rms of a force sample, relative to Fc."""
 
 
+def low_speed_shape(share: F64) -> F64:
+    """Force over its level, by the velocity over the speed that it decays over; any shape."""
+    shape: F64 = np.tanh(5.0 * share) * np.exp(-np.abs(share))
+    return shape
+
+
+_shape = kernel()(low_speed_shape)
+
+
 class LowSpeedFriction:
     """Of one axis.
 
@@ -67,9 +81,28 @@ class LowSpeedFriction:
 
     def force(self, velocity: F64) -> F64:
         """Along velocities [m/s]: force [N], same shape."""
-        share = velocity / self.speed
-        result: F64 = self.level * np.tanh(5.0 * share) * np.exp(-np.abs(share))
+        result: F64 = self.level * low_speed_shape(velocity / self.speed)
         return result
+
+    def without(self, move: MoveData) -> MoveData:
+        """A move's data without this force."""
+        if not self.level:
+            return move
+        return replace(move, force=move.force - self.force(slope(move.path, self._period)))
+
+    def learn_from(self, move: MoveData, friction: FrictionFigures, state: FrictionState) -> bool:
+        """`learn` from a move, if it was fast and none of its samples is missing.
+
+        Args:
+            move: with mean forces (`estimation.sampled_force`).
+            friction: the model so far.
+            state: friction state at rest before the move; not changed.
+        """
+        velocity = slope(move.position, self._period)
+        if not move.valid.all() or np.abs(velocity).max() < FASTEST:
+            return False
+        force, _ = follow(friction, state.copy(), move.position, velocity, self._period)
+        return self.learn(move.position, move.force, force, friction.coulomb)
 
     def describe(self) -> list[str]:
         """What is fed forward that the friction law does not have, as clauses."""
@@ -183,8 +216,7 @@ def add_up(position, force, friction, begin, period, speeds, sums):  # type: ign
     shape = np.empty(count)
     for s in range(speeds.shape[0]):
         for n in range(count):
-            share = velocities[n] / speeds[s]
-            shape[n] = np.tanh(5.0 * share) * np.exp(-abs(share))
+            shape[n] = _shape(velocities[n] / speeds[s])
         _take_off(basis, shape)
         sums[s, 0] = (shape * shape).sum()
         sums[s, 1] = (shape * left).sum()

@@ -31,6 +31,14 @@ class MoveData:
     rest_force: float
     disturbed: NDArray[np.bool_] | None = None
 
+    @property
+    def path(self) -> F64:
+        """Positions with straight lines across samples that are not valid [m], shape (K,)."""
+        if self.valid.all() or not self.valid.any():
+            return self.position
+        index = np.arange(len(self.valid))
+        return np.interp(index, index[self.valid], self.position[self.valid])
+
     def __post_init__(self) -> None:
         """Convert samples of any type and layout: kernels are compiled for one alone."""
         kinds = {"position": np.float64, "force": np.float64}

@@ -71,10 +71,7 @@ def with_mean_force(
     else:
         around = SMOOTH * _bend(move.force) + (share - SMOOTH) * _bend(commanded)
     if state is not None:
-        path = move.position
-        if not move.valid.all():
-            index = np.arange(len(sound))
-            path = np.interp(index, index[move.valid], path[move.valid])
+        path = move.path
         model, _ = follow(friction, state.copy(), path, slope(path, period), period)
         around -= SMOOTH * _bend(model)
     force = move.force.copy()

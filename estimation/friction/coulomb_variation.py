@@ -141,6 +141,4 @@ def state_after(
 
 def _path(move: MoveData, period: float) -> tuple[F64, F64]:
     """Positions with straight lines across invalid samples, and velocities."""
-    index = np.arange(len(move.position))
-    position = np.interp(index, index[move.valid], move.position[move.valid])
-    return np.asarray(position, np.float64), np.asarray(np.gradient(position, period), np.float64)
+    return move.path, np.asarray(np.gradient(move.path, period), np.float64)

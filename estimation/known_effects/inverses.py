@@ -14,6 +14,7 @@ import numpy as np
 
 from estimation.known_effects.random_field import random_field
 from estimation.known_effects.terms import F64, Base, KnownTerms
+from estimation.low_speed_friction import low_speed_shape
 from stagedata import FrictionFigures
 
 Values = Mapping[str, float]
@@ -99,8 +100,7 @@ def low_speed_friction(terms: KnownTerms, values: Values) -> None:
     """Force in proportion to Fc that dies out with speed."""
 
     def force(velocity: F64, friction: FrictionFigures) -> F64:
-        share = np.asarray(velocity) / values["speed"]
-        shape = np.tanh(5.0 * share) * np.exp(-np.abs(share))
+        shape = low_speed_shape(np.asarray(velocity) / values["speed"])
         return np.asarray(friction.coulomb * values["ratio"] * shape)
 
     terms.friction_forces.append(force)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from estimation.friction import (
     F64,
     FrictionState,
     count_states,
-    follow,
     friction_feedforward,
     level_with_target,
     remaining_feedforward,
@@ -30,11 +29,11 @@ from estimation.friction import (
     varying_feedforward,
 )
 from estimation.known_effects import KnownTerms, known_figures
-from estimation.low_speed_friction import FASTEST, LowSpeedFriction
+from estimation.low_speed_friction import LowSpeedFriction
 from estimation.move import MoveData
 from estimation.observer import Design
 from estimation.online import Estimate, SplitHorizonEstimator
-from estimation.sampled_force import kink_share, slope, with_mean_force
+from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import estimator_settings, kink_delay
@@ -232,7 +231,7 @@ class AxisCompensation:
         Returns:
             Offsets of the whole move, shape (samples,) [N]; None where the model holds.
         """
-        preview = self.estimator.preview(self._without_low_speed(self._with_mean_force(move)))
+        preview = self.estimator.preview(self.low_speed.without(self._with_mean_force(move)))
         if preview is None or abs(preview.change) < REVISE_FROM:
             return None
         samples = len(offsets)
@@ -285,9 +284,11 @@ class AxisCompensation:
             return None
         begin = time.perf_counter()
         move = self._with_mean_force(move)
-        if self.mode is Mode.ESTIMATED:
-            self._learn_low_speed(move)
-        estimate = self.estimator.update(self._without_low_speed(move))
+        if self.mode is Mode.ESTIMATED and self.estimator.state is not None:
+            friction = self.estimator.effective(move.time)
+            if self.low_speed.learn_from(move, friction, self.estimator.state):
+                self.estimator.doubt()  # what was learned before did not know of it
+        estimate = self.estimator.update(self.low_speed.without(move))
         spent = time.perf_counter() - begin
         if self.mode is not Mode.ESTIMATED:
             return None
@@ -404,29 +405,6 @@ class AxisCompensation:
             time = np.asarray(np.arange(1, samples + 1) * self._period + ahead, np.float64)
             force = force + self.low_speed.force(trajectory.sample(time)[1])
         return force
-
-    def _learn_low_speed(self, move: MoveData) -> None:
-        """Learn friction at low speed from the end of a long move.
-
-        Estimates made before it was known, or with a wrong one, count as a start only.
-        """
-        position, state = move.position, self.estimator.state
-        if state is None or not move.valid.all():
-            return
-        velocity = slope(position, self._period)
-        if np.abs(velocity).max() < FASTEST:
-            return
-        friction = self.estimator.effective(move.time)
-        force, _ = follow(friction, state.copy(), position, velocity, self._period)
-        if self.low_speed.learn(position, move.force, force, friction.coulomb):
-            self.estimator.doubt()
-
-    def _without_low_speed(self, move: MoveData) -> MoveData:
-        """A move's data without the friction at low speed that the law does not have."""
-        if not self.low_speed.level or not move.valid.all():
-            return move
-        velocity = slope(move.position, self._period)
-        return replace(move, force=move.force - self.low_speed.force(velocity))
 
     def _with_mean_force(self, move: MoveData) -> MoveData:
         estimator = self.estimator

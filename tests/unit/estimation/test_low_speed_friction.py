@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from estimation.low_speed_friction import LowSpeedFriction
+from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 
 F64 = NDArray[np.float64]
@@ -56,6 +57,23 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
     off = np.abs(found.force(slow) - extra_force(level, speed, slow)).max()
     assert off < 0.15 * abs(level)
     assert len(found.describe()) == 1
+
+
+def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
+    """Of those that are there as if none were lost; from lost ones nothing is learned."""
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    for number in range(3):
+        *_, velocity = decelerate(number)
+        extra = extra_force(3.0, 12e-3, velocity)
+        position, force, friction, _ = decelerate(number, extra)
+        found.learn(position, force, friction, COULOMB)
+    valid = np.ones(len(position), dtype=np.bool_)
+    whole = found.without(MoveData(position, force, valid, 0.0, 0.0))
+    assert np.abs(whole.force - force).max() > 1.0
+    valid[50:52] = False
+    lossy = np.where(valid, position, 0.0)
+    rest = found.without(MoveData(lossy, force, valid, 0.0, 0.0))
+    np.testing.assert_allclose(rest.force[valid], whole.force[valid], atol=0.2)
 
 
 def test_the_right_model_leaves_nothing() -> None:
