@@ -109,11 +109,14 @@ def conclude(
     )
     models = {name: found.best.model for name, found in searches.items()}
     confident = [cause for cause in causes if cause.probability > 0.5]
-    left_out = _left_out(searches, confident)
+    left, left_out = held_out.after, _left_out(searches, confident)
     if confident and left_out:  # the twin has only the probable causes, so only they are promised
-        whole = False
-        after = np.maximum.reduce([held_out.energies(held_out.without[key]) for key in left_out])
-        share, interval = share_closed(before, after, samples)
+        whole, in_sample = False, None
+        left = max(
+            (held_out.without[key] for key in left_out),
+            key=lambda residual: combined_energy(held_out.energies(residual), samples),
+        )
+        share, interval = share_closed(before, held_out.energies(left), samples)
     if confident:
         enough = whole and share is not None and share >= _ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
@@ -141,7 +144,7 @@ def conclude(
         report = replace(
             report,
             reason=reason + _departed(searches),
-            gap=_explained_gap(examined, held_out),
+            gap=_explained_gap(examined, held_out, left),
             gap_closed=share,
             gap_closed_interval=interval,
             gap_closed_in_sample=in_sample,
@@ -317,15 +320,15 @@ def _departed(searches: Mapping[str, AxisSearch]) -> str:
 
 
 def _explained_gap(
-    examined: Examination, held_out: HeldOut
+    examined: Examination, held_out: HeldOut, residuals: Sequence[Signals]
 ) -> Mapping[str, Mapping[str, GapFigures]]:
-    """The gap's figures with what the causes leave on held-out moves."""
+    """The gap's figures with what the causes leave on held-out moves: `residuals` of each."""
     out: dict[str, dict[str, GapFigures]] = {}
     for axis, signals in (examined.gap or {}).items():
         out[axis] = {}
         for signal, figures in signals.items():
             energy = count = 0.0
-            for m, left in zip(held_out.measured, held_out.after, strict=True):
+            for m, left in zip(held_out.measured, residuals, strict=True):
                 valid = m.replay.valid(axis)
                 energy += float(np.square(left[axis][signal][valid]).sum())
                 count += float(valid.sum())

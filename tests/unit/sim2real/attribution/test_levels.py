@@ -6,7 +6,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution.levels import settle_levels, weigh_levels
+from sim2real.attribution.levels import Levels, settle_levels, weigh_levels
 from sim2real.fitting import Term, fit
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
@@ -37,14 +37,27 @@ def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
     assert all(0.0 < odds <= 1.0 for odds in found.odds[true].values())
 
 
+def settled(
+    nominal: tuple[Recording, StageSettings],
+    seed: int,
+    true: dict[str, dict[str, float]],
+    *start: tuple[str, tuple[float, ...]],
+) -> Levels:
+    """What is decided where a stage has some effects and others were fitted."""
+    recording = stage_with(nominal, seed, seconds=6.0, y=true)
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    model = problem.start
+    for name, values in start:
+        model = model.added(Term(known[name], values))
+    fitted = fit(problem, model, 4, thorough=False)
+    return settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+
+
 def test_a_slow_drift_may_as_well_be_another_level(
     nominal: tuple[Recording, StageSettings],
 ) -> None:
     drift = {"amplitude": 0.2, "time_constant": 250.0}
-    recording = stage_with(nominal, 52, seconds=6.0, y={"thermal_drift": drift})
-    problem, known = problem_of(recording, nominal[1], "y"), library()
-    fitted = fit(problem, problem.start.added(Term(known["coulomb_level"], (1.2,))), 4)
-    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    found = settled(nominal, 52, {"thermal_drift": drift}, ("coulomb_level", (1.2,)))
     (chosen,) = found.best.model.names()
     (other,) = {"coulomb_level", "thermal_drift"} - {chosen}
     assert found.odds[chosen][other] > 0.2
@@ -56,25 +69,15 @@ def test_one_drift_is_not_a_level_and_another_drift(
 ) -> None:
     """They fit as well together; one effect that does is more probable."""
     drift = {"amplitude": 0.24, "time_constant": 57.0}
-    recording = stage_with(nominal, 53, seconds=6.0, y={"thermal_drift": drift})
-    problem, known = problem_of(recording, nominal[1], "y"), library()
-    level = Term(known["coulomb_level"], (1.18,))
-    second = Term(known["thermal_drift"], (0.04, 6.9))
-    both = problem.start.added(level).added(second)
-    fitted = fit(problem, both, 4, thorough=False)
-    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    start = ("coulomb_level", (1.18,)), ("thermal_drift", (0.04, 6.9))
+    found = settled(nominal, 53, {"thermal_drift": drift}, *start)
     assert len(found.best.model.names()) == 1
 
 
 def test_a_level_and_a_fast_drift_stay_two(nominal: tuple[Recording, StageSettings]) -> None:
     """The level at the end is not that of the machine file."""
     drift = {"amplitude": 0.3, "time_constant": 2.0}
-    recording = stage_with(
-        nominal, 54, seconds=6.0, y={"coulomb_level": {"ratio": 1.25}, "thermal_drift": drift}
-    )
-    problem, known = problem_of(recording, nominal[1], "y"), library()
-    both = problem.start.added(Term(known["coulomb_level"], (1.2,)))
-    both = both.added(Term(known["thermal_drift"], (0.25, 3.0)))
-    fitted = fit(problem, both, 4, thorough=False)
-    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    true = {"coulomb_level": {"ratio": 1.25}, "thermal_drift": drift}
+    start = ("coulomb_level", (1.2,)), ("thermal_drift", (0.25, 3.0))
+    found = settled(nominal, 54, true, *start)
     assert set(found.best.model.names()) == {"coulomb_level", "thermal_drift"}

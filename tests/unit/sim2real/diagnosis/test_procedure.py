@@ -10,7 +10,9 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
+from sim2real.blind.trial import build_twin
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
+from sim2real.gap import compare_with_model, gap_closed
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
@@ -47,6 +49,21 @@ def test_three_effects_of_one_axis_are_named(nominal: tuple[Recording, StageSett
     for cause in found.report.causes:
         for key, value in there[cause.effect].items():
             assert abs(cause.parameters[key].value - value) < 3.0 * cause.parameters[key].sigma
+
+
+def test_what_is_promised_holds_for_what_is_named(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """A Coulomb force beyond its usual range is needed beside the mass, and promised with it."""
+    there = {"coulomb_level": {"ratio": 1.55}, "payload_mass": {"mass": 0.8}}
+    recording = stage_with(nominal, 32, y=there)
+    found = diagnosed(recording, nominal[1], *there, "force_offset", "viscous_damping")
+    assert {c.effect for c in found.report.causes} == set(there)
+    twin = build_twin(nominal[1], found, library())
+    other = stage_with(nominal, 33, y=there)
+    before, after = (compare_with_model(other, s, 1).gap for s in (nominal[1], twin))
+    assert found.report.gap_closed is not None
+    assert abs(gap_closed(before, after) - found.report.gap_closed) < 0.08
 
 
 def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings]) -> None:
