@@ -186,6 +186,7 @@ class SplitHorizonEstimator:
         for i, spread in enumerate(self.settings.belief.start_spread[:MASS]):
             value = float(self._belief.mean[i])
             self._belief.set_apart(i, value, spread * value)
+        self._other_scale = self._right = None
 
     def saturates_at(self, force: float) -> None:
         """From now on samples at or beyond this force are saturated and left out [N]."""

@@ -52,6 +52,22 @@ def test_first_macro_move_gives_all_but_the_rate(data):
     assert first.gain["relaxation_rate"] == 1.0
 
 
+def test_what_was_doubted_does_not_come_back(data):
+    """Nor by a move with another force per acceleration, which takes back what is in doubt."""
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
+    learn(estimator, data, [0, 1])
+    known = estimator.sigma["coulomb"]
+    estimator.doubt()
+    assert estimator.sigma["coulomb"] > 10.0 * known
+    macro = data.move(2)
+    refused = estimator.update(replace(macro, force=1.15 * macro.force))
+    assert "force per acceleration" in refused.reason
+    assert estimator.sigma["coulomb"] > 10.0 * known
+    again = estimator.update(macro)
+    assert again.accepted
+    assert again.friction.coulomb == pytest.approx(6.0, rel=0.04)
+
+
 def test_a_figure_that_a_move_does_not_determine_stays_and_is_named(data):
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
     learn(estimator, data, [0])
