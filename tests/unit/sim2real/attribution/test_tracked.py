@@ -30,3 +30,19 @@ def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
     signatures = {"coulomb_level": followed[0].signature, "force_offset": offsets[0].signature}
     ((_, alike),) = signature_similarity(signatures, list(signatures)).items()
     assert 0.0 < alike < 0.5
+
+
+def test_a_vibration_starts_at_its_frequency(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """Half a line of a short recording's spectrum off, a third of its size would be missing."""
+    floor = library()["floor_vibration"]
+    there = {"amplitude": 0.6, "frequency": 23.125, "phase": 3.14}
+    settings = nominal[1]
+    problem = problem_of(stage_with(nominal, 17, y={"floor_vibration": there}), settings, "y")
+    start = problem.nominal_fit()
+    dictionary = TrackedDictionary(
+        problem, start, problem.base_columns(start.model, start.residual)
+    )
+    found = dict(zip(there, dictionary.best(floor)[0].term.values, strict=True))
+    assert found["frequency"] == pytest.approx(there["frequency"], abs=0.01)
