@@ -22,6 +22,8 @@ OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows a gap."""
 RIVALS = 2
 """Number of effects that came close and are tried again in the place of each effect found."""
+PASSES = 3
+"""Largest number of times that effects are added and then reconsidered."""
 LEAST_GAIN = 100.0
 """Score that an effect must save; on nominal stages effects save up to 12 by chance."""
 

@@ -58,17 +58,24 @@ def refine_contenders(
         left = max(before - problem.expected_cost(), 0.0)
         last = before + max(CLOSE, CLOSE_SHARE * before, left)
         # And those that would come close if their cost kept falling at its last rate.
-        near = [r for r in order if ranking.score(r) - ITERATIONS * r.fitted.last_gain <= last]
+        near = [r for r in order if _next_score(ranking, r) <= last]
         starts = [alternative.model for alternative in near]
         # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
         fit_alternatives(problem, ranking, starts, ITERATIONS, columns)
-        best = ranked()[0]
+        best, *others = ranked()[:CONTENDERS]
         gained = before - ranking.score(best)
+        overtaken = any(_next_score(ranking, r) < ranking.score(best) for r in others)
         problem.rescale(best.fitted.residual)
         if (
             gained < max(LEAST_GAIN, LEAST_PROGRESS * left)
             and problem.outlier > OUTLIER_SHRINKAGE * wide
+            and not overtaken
         ):
             break
     return best
+
+
+def _next_score(ranking: Ranking, alternative: Alternative) -> float:
+    """Score after another fit, if the cost keeps falling at its last rate."""
+    return ranking.score(alternative) - ITERATIONS * alternative.fitted.last_gain

@@ -26,6 +26,7 @@ from sim2real.attribution.constants import (
     FITTED_FAINT,
     LEAST_GAIN,
     OPEN,
+    PASSES,
     PROMISING,
     RIVALS,
     WANDERS,
@@ -128,7 +129,10 @@ def search_effects(
     loop: LoopGap,
     progress: Callable[[float], object] = lambda _: None,
 ) -> AxisSearch:
-    """Find the effects of an axis; one long function, as each step of the selection feeds the next.
+    """Find the effects of an axis.
+
+    Effects are added one by one, then each is tested again beside those that came later. Where that
+    changes the set, more may be found beside the new one.
 
     Args:
         problem: the axis.
@@ -141,43 +145,20 @@ def search_effects(
     plain = fit(problem, plain.model, 3, thorough=False)
     found = AxisSearch(problem, plain, plain, loop(problem.start))
     ranking = Ranking(problem, loop)
-    path = [ranking.enter(plain)]
-    rivals: dict[str, list[Term]] = {}
+    last, steps = ranking.enter(plain), dict[str, _Step]()
     # What does not show in the closed loop is no gap, whatever the innovations say.
-    for depth in range(MOST_EFFECTS if found.open_gap > OPEN * FLOOR_LEVEL else 0):
-        # Fitted to a stage with an effect, the base parameters are distorted: start from nominal.
-        current = path[-1].fitted if depth else problem.nominal_fit()
-        problem.rescale(current.residual)
-        is_open = path[-1].gap > OPEN * FLOOR_LEVEL
-        scanned = partial(_advance, progress, depth)
-        candidates, columns = _candidates(
-            problem, current, library, is_open, found if depth == 0 else None, scanned
-        )
-        if not candidates:
-            break
-        beside = [current.model.added(start.term) for start in candidates]
-        trials = fit_alternatives(problem, ranking, beside, 5, columns)
-        best = refine_contenders(problem, ranking, trials)
-        rivals[best.model.names()[-1]] = _rivals(ranking, trials, best)
-        path[-1] = ranking.best(path[-1].model.names())
-        if ranking.score(path[-1]) - ranking.score(best) < CLOSE:
-            path[-1] = ranking.enter(fit(problem, path[-1].model, 4, thorough=False))
-        if ranking.score(path[-1]) - ranking.score(best) < LEAST_GAIN:
-            break
-        if is_within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
-            break
-        if not _leads_somewhere(problem, ranking, path[-1], best, depth):
-            break
-        path.append(best)
-        progress((depth + 1) / MOST_EFFECTS)
-        problem.rescale(best.fitted.residual)
-        if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
-            break
-    problem.rescale(path[-1].fitted.residual)
-    last = path[-1]
-    if len(path) > 2:
-        last = _look_back(problem, last, rivals, ranking)
+    for _ in range(PASSES if found.open_gap > OPEN * FLOOR_LEVEL else 0):
+        added = _look_forward(problem, library, ranking, last, found, progress)
+        last = ranking.best((added[-1].best if added else last).model.names())
         problem.rescale(last.fitted.residual)
+        steps |= {step.name: step for step in added}
+        effects = last.model.names()
+        if not added or len(effects) == 1:
+            break
+        last = _look_back(problem, last, steps, ranking)
+        problem.rescale(last.fitted.residual)
+        if set(last.model.names()) == set(effects):
+            break
     model = last.model
     fine = problem.finer_if_close(last.fitted.residual)
     found.best = fit(fine, model, 2) if model.terms else last.fitted
@@ -213,6 +194,67 @@ def refit_beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
         replace(r, fitted=again if set(r.model.names()) == own else problem.reweighted(r.fitted))
         for r in found.alternatives
     ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """One more effect, and what was fitted in its place.
+
+    Attributes:
+        best: the explanation from then on; its last effect is the new one.
+        trials: explanations that each add one effect to those before, `best` among them.
+    """
+
+    best: Alternative
+    trials: tuple[Alternative, ...]
+
+    @property
+    def name(self) -> str:
+        """The effect that was added."""
+        return self.best.model.names()[-1]
+
+
+def _look_forward(
+    problem: AxisProblem,
+    library: Mapping[str, Effect],
+    ranking: Ranking,
+    start: Alternative,
+    found: AxisSearch,
+    progress: Callable[[float], object],
+) -> list[_Step]:
+    """Add one effect after another to `start`, as long as the recording supports it."""
+    steps: list[_Step] = []
+    last = start
+    for depth in range(len(start.model.terms), MOST_EFFECTS):
+        # Fitted to a stage with an effect, the base parameters are distorted: start from nominal.
+        current = last.fitted if depth else problem.nominal_fit()
+        problem.rescale(current.residual)
+        is_open = last.gap > OPEN * FLOOR_LEVEL
+        scanned = partial(_advance, progress, depth)
+        candidates, columns = _candidates(
+            problem, current, library, is_open, found if depth == 0 else None, scanned
+        )
+        if not candidates:
+            break
+        beside = [current.model.added(start.term) for start in candidates]
+        trials = fit_alternatives(problem, ranking, beside, 5, columns)
+        best = refine_contenders(problem, ranking, trials)
+        last = ranking.best(last.model.names())
+        if ranking.score(last) - ranking.score(best) < CLOSE:
+            last = ranking.enter(fit(problem, last.model, 4, thorough=False))
+        if ranking.score(last) - ranking.score(best) < LEAST_GAIN:
+            break
+        if is_within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
+            break
+        if not _leads_somewhere(problem, ranking, last, best, depth):
+            break
+        steps.append(_Step(best, tuple(trials)))
+        last = best
+        progress((depth + 1) / MOST_EFFECTS)
+        problem.rescale(best.fitted.residual)
+        if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
+            break
+    return steps
 
 
 def _advance(progress: Callable[[float], object], depth: int, scanned: float) -> None:
@@ -278,20 +320,10 @@ def _leads_somewhere(
     return gained > share * open_score or closed > share * (before.gap - FLOOR_LEVEL)
 
 
-def _rivals(ranking: Ranking, trials: Sequence[Alternative], best: Alternative) -> list[Term]:
-    """Effects that came close when fitted in place of the last effect of the best trial."""
-    others = [ranking.best(trial.model.names()) for trial in trials]
-    most = ranking.score(best) + CLOSE
-    close = sorted((r for r in others if ranking.score(r) < most), key=ranking.score)
-    own = best.model.names()[-1]
-    terms = {r.model.terms[-1].name: r.model.terms[-1] for r in close}
-    return [term for name, term in terms.items() if name != own][:RIVALS]
-
-
 def _look_back(
     problem: AxisProblem,
     current: Alternative,
-    rivals: Mapping[str, Sequence[Term]],
+    steps: Mapping[str, _Step],
     ranking: Ranking,
 ) -> Alternative:
     """Test each earlier effect again beside the later ones: without it, and with its rivals."""
@@ -303,10 +335,20 @@ def _look_back(
         if ranking.score(current) > ranking.score(rest) - LEAST_GAIN:
             current = rest
             continue
-        beside = [
-            rest.model.added(term) for term in rivals[name] if term.name not in rest.model.names()
-        ]
+        rivals = _rivals(ranking, steps[name], current) if name in steps else []
+        beside = [rest.model.added(term) for term in rivals if term.name not in rest.model.names()]
         if beside:
             trials = fit_alternatives(problem, ranking, beside, 3)
             current = refine_contenders(problem, ranking, [current, *trials])
     return current
+
+
+def _rivals(ranking: Ranking, step: _Step, current: Alternative) -> list[Term]:
+    """What may have lost to a step's effect only because later effects were still missing.
+
+    That is what was behind by less than these have saved since.
+    """
+    least = 2.0 * ranking.score(ranking.best(step.best.model.names())) - ranking.score(current)
+    behind = sorted((ranking.best(t.model.names()) for t in step.trials), key=ranking.score)
+    terms = {r.model.terms[-1].name: r.model.terms[-1] for r in behind if ranking.score(r) < least}
+    return [term for name, term in terms.items() if name != step.name][:RIVALS]

@@ -66,6 +66,14 @@ def test_what_is_promised_holds_for_what_is_named(
     assert abs(gap_closed(before, after) - found.report.gap_closed) < 0.08
 
 
+def test_an_effect_named_too_early_is_replaced(nominal: tuple[Recording, StageSettings]) -> None:
+    """Alone, force_constant fits better than the mass; beside the Coulomb force the mass does."""
+    there = {"payload_mass": {"mass": -0.6}, "coulomb_level": {"ratio": 0.8}}
+    recording = stage_with(nominal, 2, y=there)
+    found = diagnosed(recording, nominal[1], *library())
+    assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
+
+
 def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings]) -> None:
     recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
     known = {name: library()[name] for name in ("dead_time", "payload_mass", "force_offset")}
