@@ -27,6 +27,8 @@ CLOSED_LOOP, OPEN_LOOP = "closed_loop", "open_loop"
 
 SIGNALS = {"position": "m", "force": "N"}
 """Signals of an axis that are compared, and their units."""
+SHOWN_AS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "N": (1.0, "N"), "N m": (1.0, "N m")}
+"""Units of gaps -> factor and unit in which people read them."""
 
 Json = dict[str, Any]
 
@@ -73,7 +75,7 @@ class GapFigures:
     Attributes:
         nominal: rms of recorded minus simulated by the machine file as given.
         floor: what even a perfect model would leave.
-        unit: "m" or "N".
+        unit: "m" or "N"; of an axis that turns "rad" or "N m".
         explained: rms with the causes included, None where nothing was fitted.
     """
 

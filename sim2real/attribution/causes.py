@@ -33,6 +33,7 @@ from sim2real.attribution.constants import (
     WANDER_SHARE,
 )
 from sim2real.attribution.search import AxisSearch
+from sim2real.axis_units import unit_on
 from sim2real.fitting import (
     NUISANCES,
     STEP,
@@ -121,7 +122,7 @@ def _figures(term: Term, spread: F64, axis: AxisSettings) -> dict[str, Parameter
         entry.parameter.key: Parameter(
             values[entry.parameter.key],
             _sigma(term.effect, entry, values, float(s), axis),
-            entry.parameter.unit,
+            unit_on(axis, entry.parameter.unit),
         )
         for entry, s in zip(coordinates(term.effect, axis), spread, strict=True)
     }

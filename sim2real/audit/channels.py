@@ -33,6 +33,7 @@ from sim2real.audit.signal_checks import (
     check_time,
     match_unit,
 )
+from sim2real.axis_units import unit_on
 from sim2real.gap import number_periods, prepare_replay
 from sim2real.report import ChannelFinding
 from stagedata import Recording
@@ -177,9 +178,11 @@ def _check_force_units(recording: Recording, settings: StageSettings) -> list[Ch
         names = {per_mille: "1/1000 of the rated force", per_mille / 10: "% of the rated force"}
         unit = match_unit(factor, names, 0.3)
         if unit is not None:
-            name = names.get(abs(unit), f"units of {1 / abs(unit):g} N")
+            own = unit_on(axis, "N")
+            name = names.get(abs(unit), f"units of {1 / abs(unit):g} {own}")
             sign = " with the wrong sign" if unit < 0 else ""
-            text = f"{axis.name}: force_actual is in {name}{sign}, not in newtons"
+            newtons = unit_on(axis, "newtons")
+            text = f"{axis.name}: force_actual is in {name}{sign}, not in {newtons}"
             found.append(ChannelFinding(axis.name, "force_actual", "units", unit, "1", text=text))
     return found
 
@@ -230,11 +233,12 @@ def _check_law(
     if law.usable.sum() < _MIN_SAMPLES:
         return [], recording, settings, None
     found = find_hypothesis(law, expected)
-    wrong = _why_unusable(found, law, settings.axes[[a.name for a in settings.axes].index(axis)])
+    own = next(a for a in settings.axes if a.name == axis)
+    unit, wrong = unit_on(own, "N"), _why_unusable(found, law, own)
     if wrong is not None:
         text = f"{axis}: the force is not that of the machine file's controller: {wrong}"
         finding = ChannelFinding(
-            axis, "force_actual", "controller_unknown", found.remainder, "N", text=text
+            axis, "force_actual", "controller_unknown", found.remainder, unit, text=text
         )
         return [finding], recording, settings, None
     findings: list[ChannelFinding] = []
@@ -264,15 +268,15 @@ def _check_law(
         )
         findings.append(ChannelFinding(axis, channel, "delay", delay, "s", text=text))
         recording = remove_delay(recording, axis, channel, delay, settings.sync_period)
-    gains, recording, settings = _check_gains(found, recording, settings, axis)
+    gains, recording, settings = _check_gains(found, recording, settings, axis, unit)
     findings += gains
     if found.remainder > _REMAINDER * ACCEPTED * expected:
         text = (
             f"{axis}: the force does not match the machine file's controller: "
-            f"{found.remainder:.3g} N rms remain ({expected:.2g} N expected)"
+            f"{found.remainder:.3g} {unit} rms remain ({expected:.2g} {unit} expected)"
         )
         findings.append(
-            ChannelFinding(axis, "force_actual", "controller", found.remainder, "N", text=text)
+            ChannelFinding(axis, "force_actual", "controller", found.remainder, unit, text=text)
         )
     return findings, recording, settings, current
 
@@ -286,7 +290,7 @@ def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) 
     if found.gains == "scale":
         force /= abs(found.factors[0])
     if found.remainder > _MOST * force:
-        return f"its law leaves {found.remainder:.3g} of {force:.3g} N rms"
+        return f"its law leaves {found.remainder:.3g} of {force:.3g} {unit_on(axis, 'N')} rms"
     if found.gains == "scale":
         return None
     control = axis.control
@@ -305,11 +309,14 @@ def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) 
 
 
 def _check_gains(
-    found: LawHypothesis, recording: Recording, settings: StageSettings, axis: str
+    found: LawHypothesis, recording: Recording, settings: StageSettings, axis: str, unit: str
 ) -> tuple[list[ChannelFinding], Recording, StageSettings]:
-    """Findings about gains and scales, with recording and settings corrected for them."""
+    """Findings about gains and scales, with recording and settings corrected for them.
+
+    `unit` is that of the axis' force.
+    """
     if found.gains == "scale":
-        kind, value, text = _describe_factor(found.factors[0])
+        kind, value, text = _describe_factor(found.factors[0], unit)
         finding = ChannelFinding(
             axis, "force_actual", kind, value, "1", text=f"{axis}: force_actual {text}"
         )
@@ -324,7 +331,7 @@ def _check_gains(
             if logged == 0.0:
                 kind, value, text = "scale", 0.0, "is not applied by the drive"
             else:
-                kind, value, text = _describe_factor(logged)
+                kind, value, text = _describe_factor(logged, unit)
             finding = ChannelFinding(
                 axis, term, kind, value, "1", text=f"{axis}: force_offset {text}"
             )
@@ -339,12 +346,12 @@ def _check_gains(
     return findings, recording, settings
 
 
-def _describe_factor(factor: float) -> tuple[str, float, str]:
+def _describe_factor(factor: float, unit: str) -> tuple[str, float, str]:
     """Kind of finding, its value and its wording for a channel scaled by a factor."""
     known = match_unit(factor)
     if known is not None:
         sign = " with the wrong sign" if known < 0 else ""
-        return "units", known, f"is in units of {1 / abs(known):g} N{sign}"
+        return "units", known, f"is in units of {1 / abs(known):g} {unit}{sign}"
     if abs(factor + 1.0) < _GAIN_TOLERANCE:
         return "sign", -1.0, "has the wrong sign"
     return "scale", factor, f"is scaled by {factor:.4g}"

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil_sim.settings import AxisSettings
+from sim2real.axis_units import unit_on
 from sim2real.gap import coarse_steps, number_periods, stated_step
 from sim2real.phases import REST, split_phases
 from sim2real.report import SIGNALS, ChannelFinding
@@ -22,6 +23,7 @@ ALL_AXES = "all"
 
 _POWERS = (1e3, 1e6, 1e9, 1e-3, 1e-6)
 _NAMES = {1e3: "mm", 1e6: "µm", 1e9: "nm or counts"}
+_ANGLES = {1e3: "mrad", 1e6: "µrad", 1e9: "nrad or counts"}
 _CLOSE = 0.03
 """Relative distance within which a factor is taken for that of a unit."""
 _DRIFT = 20e-6
@@ -81,8 +83,9 @@ def check_constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFind
         values = getattr(signals, channel)[signals.valid]
         if np.ptp(values) == 0.0:
             value = float(values[0])
-            text = f"{axis.name}: {channel} is constant at {value:.4g} {unit}"
-            found.append(ChannelFinding(axis.name, channel, "constant", value, unit, text=text))
+            own = unit_on(axis, unit)
+            text = f"{axis.name}: {channel} is constant at {value:.4g} {own}"
+            found.append(ChannelFinding(axis.name, channel, "constant", value, own, text=text))
     return found
 
 
@@ -95,7 +98,8 @@ def check_demand_units(signals: AxisSignals, axis: AxisSettings) -> list[Channel
             return [
                 ChannelFinding(
                     axis.name, "position_demand", "units", factor, "1",
-                    text=f"{axis.name}: position_demand is in {_NAMES[factor]}, not in metres",
+                    text=f"{axis.name}: position_demand is in {_names(axis)[factor]}, "
+                    f"not in {unit_on(axis, 'metres')}",
                 )
             ]  # fmt: skip
     return []
@@ -111,11 +115,13 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     counts = 1.0 / axis.increment
     unit = match_unit(rough, {counts: "counts"})
     if unit is not None:
-        name = _NAMES.get(unit, "counts" if unit == counts else f"units of {1 / unit:g} m")
+        other = "counts" if unit == counts else f"units of {1 / unit:g} {unit_on(axis, 'm')}"
+        name = _names(axis).get(unit, other)
         return [
             ChannelFinding(
                 axis.name, "position_actual", "units", unit, "1",
-                text=f"{axis.name}: position_actual is in {name}, not in metres",
+                text=f"{axis.name}: position_actual is in {name}, "
+                f"not in {unit_on(axis, 'metres')}",
             )
         ]  # fmt: skip
     if abs(rough + 1.0) < _CLOSE:
@@ -132,11 +138,19 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
             ChannelFinding(axis.name, "position_actual", "scale", float(slope), "1", text=text)
         )
     if axis.control.ki > 0 and abs(offset) > _OFFSET:
-        text = f"{axis.name}: position_actual is off by {offset * 1e6:.3g} µm"
+        unit_name, shown = unit_on(axis, "m"), f"{offset * 1e6:.3g} {unit_on(axis, 'µm')}"
+        text = f"{axis.name}: position_actual is off by {shown}"
         found.append(
-            ChannelFinding(axis.name, "position_actual", "offset", float(offset), "m", text=text)
+            ChannelFinding(
+                axis.name, "position_actual", "offset", float(offset), unit_name, text=text
+            )
         )
     return found
+
+
+def _names(axis: AxisSettings) -> dict[float, str]:
+    """Factor -> unit of a length, or of an angle."""
+    return _ANGLES if axis.rotary else _NAMES
 
 
 def match_unit(
@@ -153,7 +167,8 @@ def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[Channel
     """Position and force that are logged more coarsely than encoder and drive report them."""
     found = []
     for signal, grid in coarse_steps(signals, axis).items():
-        channel, unit, step = f"{signal}_actual", SIGNALS[signal], stated_step(axis, signal)
+        channel, step = f"{signal}_actual", stated_step(axis, signal)
+        unit = unit_on(axis, SIGNALS[signal])
         text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
         found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
     return found
@@ -180,9 +195,9 @@ def check_saturation(
         full = signals.valid & usable & (force >= limit - 0.6 * unit) & wanted
         if full.sum() < _PLATEAU or (force[wanted & usable] < 0.9 * limit).any():
             return []
-    duty = float(full.sum() / signals.valid.sum())
+    duty, newtons = float(full.sum() / signals.valid.sum()), unit_on(axis, "N")
     text = (
-        f"{axis.name}: the force is at its limit of {limit:.3g} N in {100 * duty:.2g} % of the "
-        f"samples (peak_force {peak:g} N)"
+        f"{axis.name}: the force is at its limit of {limit:.3g} {newtons} in {100 * duty:.2g} % of "
+        f"the samples (peak_force {peak:g} {newtons})"
     )
     return [ChannelFinding(axis.name, "force_actual", "saturation", duty, "1", text=text)]

@@ -21,6 +21,7 @@ from sim2real.audit import (
     mark_applied,
     repair_samples,
 )
+from sim2real.axis_units import unit_on
 from sim2real.diagnosis.clock import Clock, find_common_clock
 from sim2real.gap import (
     Gap,
@@ -310,6 +311,7 @@ def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
         return f"{count * settings.sync_period:.3g} s long: at least {SHORTEST:g} s are needed"
     if settings.sync_period > _SLOWEST_MOTION:
         return f"samples are {settings.sync_period:.3g} s apart: accelerations are shorter"
+    units = {axis.name: unit_on(axis, "N") for axis in settings.axes}
     for name, axis in recording.axes.items():
         if "force_actual" in axis.missing:
             return (
@@ -317,7 +319,7 @@ def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
                 f"else says what a motion took"
             )
         if np.ptp(axis.force_actual[axis.valid]) == 0.0 and np.ptp(axis.position_actual) > 0.0:
-            return f"axis {name}: the force is constant at {axis.force_actual[0]:.4g} N"
+            return f"axis {name}: the force is constant at {axis.force_actual[0]:.4g} {units[name]}"
         share = float(axis.valid.mean())
         if share < _FEWEST_VALID:
             return f"axis {name}: only {100 * share:.0f} % of the samples are valid"

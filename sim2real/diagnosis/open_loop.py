@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
+from sim2real.axis_units import unit_on
 from sim2real.diagnosis.examination import (
     OTHER_CONTROLLER,
     Examination,
@@ -249,7 +250,7 @@ def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:
             e.parameter.key: Parameter(
                 values[e.parameter.key],
                 abs(e.slope(values[e.parameter.key])) * float(sigma),
-                e.parameter.unit,
+                unit_on(loop.axis, e.parameter.unit),
             )
             for e, sigma in zip(entries, spread[at : at + len(entries)], strict=True)
         }
@@ -322,7 +323,8 @@ def _fitted(examined: Examination, axes: Sequence[_Axis]) -> tuple[FittedFigure,
             value = plant_figure(moved, figure)
             relative = spread[at] * a.loop.spread[at] / (1.0 + a.found.best.model.base[at])
             sigma = float(relative * value)
-            found.append(FittedFigure(a.name, figure, value, sigma, FIGURES[figure]))
+            unit = unit_on(a.loop.axis, FIGURES[figure])
+            found.append(FittedFigure(a.name, figure, value, sigma, unit))
     return tuple(found)
 
 

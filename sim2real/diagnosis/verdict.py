@@ -32,6 +32,7 @@ from sim2real.report import (
     EXPLAINED,
     NO_GAP,
     PARTLY_EXPLAINED,
+    SHOWN_AS,
     UNEXPLAINED,
     Candidate,
     Cause,
@@ -213,7 +214,7 @@ def describe_far_off(examined: Examination) -> str:
             logged = [m[signal][v] for m, v in zip(measured, valid, strict=True)]
             own = float(np.sqrt(np.mean([np.var(values) for values in logged])))
             if figures.nominal > _FAR_OFF[signal] * own:
-                scale, unit = (1e6, "µm") if signal == "position" else (1.0, "N")
+                scale, unit = SHOWN_AS[figures.unit]
                 found.append(
                     f"the {signal} of {axis} is simulated {figures.nominal * scale:.3g} {unit} rms "
                     f"off, and varies by {own * scale:.3g} {unit}"

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim2real.axis_units import angular_unit
 from sim2real.gap.measure import Measured
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
 from sim2real.report import Where
@@ -63,6 +64,7 @@ class _Signal:
         position, velocity, time: of the demand, float64[K] [m, m/s, s].
         travelled: position actual, float64[K] [m].
         phase, direction, move: int[K].
+        turns: whether the axis turns, with rad for m.
     """
 
     axis: str
@@ -81,6 +83,11 @@ class _Signal:
     phase: NDArray[np.int8]
     direction: NDArray[np.int8]
     move: NDArray[np.int64]
+    turns: bool
+
+    def unit(self, unit: str) -> str:
+        """The unit on this axis of what has `unit` on an axis that slides."""
+        return angular_unit(unit) if self.turns else unit
 
 
 def locate_gap(measured: Sequence[Measured], ratio: float = 0.1) -> Located:
@@ -141,7 +148,8 @@ def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float
     energy = np.where(joined["valid"], np.square(joined["residual"].astype(float)) - noise, 0.0)
     return _Signal(
         axis=axis, signal=signal, energy=scale * energy, floor=floor,
-        period=measured[0].replay.period, starts=tuple(starts), **joined,
+        period=measured[0].replay.period, starts=tuple(starts),
+        turns=measured[0].gap[axis][signal].unit in ("rad", "N m"), **joined,
     )  # fmt: skip
 
 
@@ -190,8 +198,8 @@ def _ranges(s: _Signal, total: float) -> list[Where]:
     moving = s.valid & (s.phase != REST) & (s.phase != SETTLING)
     cells: list[Where] = []
     for by, values, counted, unit, scale, name in (
-        ("position", s.position, moving, "m", 1e3, "mm"),
-        ("velocity", s.velocity, moving, "m/s", 1e3, "mm/s"),
+        ("position", s.position, moving, s.unit("m"), 1e3, s.unit("mm")),
+        ("velocity", s.velocity, moving, s.unit("m/s"), 1e3, s.unit("mm/s")),
         ("time", s.time, s.valid, "s", 1.0, "s"),
     ):
         if not counted.any() or np.ptp(values[counted]) == 0.0:
@@ -270,10 +278,11 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     low, high = float(lines[best] - half), float(lines[best] + half)
     text = (
         f"{s.axis} {s.signal}: {_percent(share)} of the gap is a wave over position "
-        f"with a period of {1e3 / lines[best]:.3g} mm"
+        f"with a period of {1e3 / lines[best]:.3g} {s.unit('mm')}"
     )
+    unit = s.unit("1/m")
     return [
-        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="1/m", text=text)
+        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit=unit, text=text)
     ]
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_sim.settings import StageSettings
+from sim2real.axis_units import unit_on
 from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, estimate_floor
 from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
 from sim2real.report import SIGNALS, GapFigures
@@ -70,13 +71,15 @@ def compare_with_model(
     below = estimate_floor(replay, settings, draws, progress)
     difference = subtract_signals(replay.measured(), below.nominal)
     gap: Gap = {
-        name: {
+        axis.name: {
             signal: GapFigures(
-                rms(difference[name][signal], replay.valid(name)), below.rms[name][signal], unit
+                rms(difference[axis.name][signal], replay.valid(axis.name)),
+                below.rms[axis.name][signal],
+                unit_on(axis, unit),
             )
             for signal, unit in SIGNALS.items()
         }
-        for name in replay.names
+        for axis in settings.axes
     }
     checked = check_repeats(recording, replay.period, difference, below.draws)
     return Measured(replay, below, difference, gap, checked)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil_sim.plant import force_along, force_variants, needs_all_axes
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.axis_units import unit_on
 from sim2real.fitting import Workers
 from sim2real.free_loop import FreeLoop
 from sim2real.gap import Floor, Measured, Replay, Signals, rms
@@ -66,7 +67,7 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
         drawn[name] = {"position": rest, "force": white * (floor / float(np.std(white)))}
         if own.usable.any():
             there = rms(residual[name]["force"], own.usable)
-            gap[name] = {"force": GapFigures(there, floor, "N")}
+            gap[name] = {"force": GapFigures(there, floor, unit_on(axis, "N"))}
     replay = Replay(
         motion.recording, tuple(names), motion.period, whole[0], np.zeros_like(whole[0]),
         np.arange(count), (0.0,) * len(names), {name: {} for name in names}, motion.start,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hil_sim.settings import StageSettings
+from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.gap import Measured, Signals
 from sim2real.residuals.course import gather_course
 from sim2real.residuals.plane import ResidualPlane, average_over_plane
@@ -28,6 +28,7 @@ class ResidualViews:
 
     Attributes:
         axis: its name.
+        settings: of the machine file.
         has_demand: whether positions follow a demand in the comparison, not forces a motion.
         velocity: mean residual force over velocity, by direction; empty without motion.
         plane: over position and velocity; None without motion.
@@ -36,6 +37,7 @@ class ResidualViews:
     """
 
     axis: str
+    settings: AxisSettings
     has_demand: bool
     velocity: tuple[VelocityMeans, ...]
     plane: ResidualPlane | None
@@ -71,6 +73,7 @@ def view_residuals(
         course = gather_course(measured, explained, axis.name, ratio)
         views[axis.name] = ResidualViews(
             axis.name,
+            axis,
             course.demand is not None,
             average_over_velocity(course),
             average_over_plane(course),

@@ -110,7 +110,7 @@ def measured_gap(recorded: Recording, settings: StageSettings, update: ProgressU
 
 
 def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names: str) -> Any:
-    """Gaps and floors in µm and N.
+    """Gaps and floors in µm and N, of axes that turn in µrad and N m.
 
     Args:
         found: axis -> signal -> figures.
@@ -119,6 +119,8 @@ def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names:
     """
     from rich.table import Table
 
+    from sim2real.report import SHOWN_AS
+
     both = any(f.explained is not None for signals in found.values() for f in signals.values())
     table = Table(title=title, title_justify="left")
     gaps = (names or ("gap", "explained"))[: 2 if both else 1]
@@ -126,7 +128,7 @@ def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names:
         table.add_column(name, justify="left" if name in ("axis", "signal") else "right")
     for axis, signals in found.items():
         for signal, gap in signals.items():
-            scale, unit = (1e6, "µm") if signal == "position" else (1.0, "N")
+            scale, unit = SHOWN_AS[gap.unit]
             values = [gap.nominal, *([] if gap.explained is None else [gap.explained])]
             table.add_row(
                 axis,

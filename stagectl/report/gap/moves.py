@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.settings import StageSettings
+from sim2real.axis_units import unit_on
 from sim2real.gap import Measured, Signals
 from sim2real.phases import MoveBlock, split_moves
 from stagedata import AxisSignals, BoolArray, aligned_demand
@@ -27,14 +29,16 @@ _RESOLVED = 20_000
 """Rounding steps, at least, in the largest value of a series."""
 
 
+_UNITS = {"force": "N", "error": "µm", "stroke": "mm"}
+
 NO_MOVES: dict[str, Any] = {"axes": [], "moves": [], "every": 1}
 
 
 def move_data(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
+    settings: StageSettings,
     worst_axis: str,
-    ratio: float,
     max_values: int = MAX_VALUES,
 ) -> dict[str, Any]:
     """All data of the charts of single moves; without `moves` where nothing moves.
@@ -42,20 +46,25 @@ def move_data(
     Args:
         measured: the gap of each recording.
         explained: signals of the model with the causes, per recording; None without causes.
+        settings: of the machine file.
         worst_axis: the axis to show first, in the move with its largest force residual.
-        ratio: Tc/Ts.
         max_values: most numbers to embed; longer recordings are shown with fewer samples.
     """
     blocks = [(r, b) for r, m in enumerate(measured) for b in _blocks(m)]
     if not blocks:
         return NO_MOVES
     axes = list(measured[0].replay.names)
+    ratio = settings.control_period / settings.sync_period
     kinds = ["before"] if explained is None else ["before", "after"]
     samples = sum(b.stop - b.start for _, b in blocks)
     every = max(1, math.ceil(samples * len(axes) * 2 * (1 + len(kinds)) / max_values))
     energies = [_energy(measured[r], b, worst_axis) for r, b in blocks]
     return {
         "axes": axes,
+        "units": {
+            axis.name: {part: unit_on(axis, unit) for part, unit in _UNITS.items()}
+            for axis in settings.axes
+        },
         "kinds": kinds,
         "every": every,
         "first": int(np.argmax(energies)),

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
 from sim2real.gap import Signals, combined_gap
-from sim2real.report import GapReport
+from sim2real.report import SHOWN_AS, GapReport
 from sim2real.residuals import ResidualViews
 from stagectl.report.content import DASH, Notice
 from stagectl.report.gap import traces
@@ -70,12 +70,15 @@ def render_gap_page(
         views: axis -> what the models leave over velocity, position, frequency, at reversals.
     """
     order = _largest_first(examined)
+    axes = {axis.name: axis for axis in examined.settings.axes}
     ratio = examined.settings.control_period / examined.settings.sync_period
     sections = [
-        traces.residual_section(examined.measured, explained, axis, signal, share, ratio)
+        traces.residual_section(examined.measured, explained, axes[axis], signal, share, ratio)
         for share, axis, signal in order
     ]
-    charts = move_data(examined.measured, explained, order[0][1], ratio) if order else NO_MOVES
+    charts = NO_MOVES
+    if order:
+        charts = move_data(examined.measured, explained, examined.settings, order[0][1])
     shown = [views[axis] for axis in dict.fromkeys(a for _, a, _ in order)] if views else []
     models = ("before", *(("after",) if explained is not None else ()))
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
@@ -93,7 +96,7 @@ def render_gap_page(
         explained=explained is not None,
         repeats=_repeats(examined),
         sections=sections,
-        profiles=[traces.friction_panel(profile) for profile in profiles],
+        profiles=[traces.friction_panel(profile, axes[profile.axis]) for profile in profiles],
         profile_key=legend(("measured", "after")),
         checked=any(step.elsewhere is not None for step in report.steps),
         data=script_json(charts),
@@ -181,7 +184,7 @@ def _gap_rows(report: GapReport) -> list[GapRow]:
     rows = []
     for axis, signals in (report.gap or {}).items():
         for signal, figures in signals.items():
-            scale, unit = traces.SCALES[signal]
+            scale, unit = SHOWN_AS[figures.unit]
 
             def shown(value: float | None, scale: float = scale, unit: str = unit) -> str:
                 return DASH if value is None else f"{_digits(value * scale)} {unit}"

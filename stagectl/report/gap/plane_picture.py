@@ -7,6 +7,7 @@ two are told apart with any kind of colour vision. Cells without samples are gre
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -23,7 +24,14 @@ _LEFT, _TOP, _BOTTOM, _BAR = 78, 14, 48, 132
 _BAR_WIDTH = 20
 
 
-def plane_picture(positions: F64, velocities: F64, values: F64, limit: float, title: str) -> Markup:
+def plane_picture(
+    positions: F64,
+    velocities: F64,
+    values: F64,
+    limit: float,
+    title: str,
+    units: Sequence[str] = ("mm", "mm/s", "N"),
+) -> Markup:
     """The picture as SVG.
 
     Args:
@@ -32,7 +40,10 @@ def plane_picture(positions: F64, velocities: F64, values: F64, limit: float, ti
         values: of the cells, shape (n, m) [N]; nan where there is none.
         limit: value of the strongest colour [N]; larger ones have it too.
         title: for readers who do not see it.
+        units: of positions, velocities and values; others on an axis that turns.
     """
+    length, speed, force = units
+    place = f"position [{length}]"
     right, bottom = _LEFT + _WIDTH, _TOP + _HEIGHT
     px = Scale(float(positions[0]), float(positions[-1]), _LEFT, right)
     py = Scale(float(velocities[0]), float(velocities[-1]), bottom, _TOP)
@@ -61,13 +72,13 @@ def plane_picture(positions: F64, velocities: F64, values: F64, limit: float, ti
     for v in ticks(py.low, py.high, 5):
         parts.append(text_element(_LEFT - 8, py(v) + 5, f"{v:.4g}", "end"))
     parts.append(f'<path class="zero" d="M{_LEFT} {py(0.0):.1f}H{right}"/>')
-    parts.append(text_element((_LEFT + right) / 2, height - 8, "position [mm]", "middle", "axis"))
+    parts.append(text_element((_LEFT + right) / 2, height - 8, place, "middle", "axis"))
     middle = (_TOP + bottom) / 2
     parts.append(
         f'<text class="axis" x="18" y="{middle:.0f}" text-anchor="middle" '
-        f'transform="rotate(-90 18 {middle:.0f})">velocity [mm/s]</text>'
+        f'transform="rotate(-90 18 {middle:.0f})">velocity [{speed}]</text>'
     )
-    return Markup("".join([*parts, *_scale(right + 22, limit), "</svg>"]))  # noqa: S704 - escaped
+    return Markup("".join([*parts, *_scale(right + 22, limit, force), "</svg>"]))  # noqa: S704 - escaped
 
 
 def colour_limit(values: F64) -> float:
@@ -85,7 +96,7 @@ def _ink(step: int) -> str:
     return f'class="{kind}" fill-opacity="{abs(step) / STEPS:.2f}"'
 
 
-def _scale(left: float, limit: float) -> list[str]:
+def _scale(left: float, limit: float, unit: str) -> list[str]:
     """The scale of colours, the largest value at the top."""
     each = _HEIGHT / (2 * STEPS + 1)
     place = f'x="{left:.0f}" width="{_BAR_WIDTH}" height="{each:.2f}"'
@@ -98,6 +109,6 @@ def _scale(left: float, limit: float) -> list[str]:
             parts.append(f'<rect {_ink(step)} {place} y="{y:.2f}"/>')
         if step in (-STEPS, 0, STEPS):
             sign = {-1: "\u2212", 0: "", 1: "+"}[(step > 0) - (step < 0)]
-            text = f"{sign}{limit:g} N" if step else "0"
+            text = f"{sign}{limit:g} {unit}" if step else "0"
             parts.append(text_element(left + _BAR_WIDTH + 6, y + each / 2 + 5, text, "start"))
     return parts

@@ -1,7 +1,8 @@
 """The rms of what a model leaves by phase of motion, position, velocity, time and frequency.
 
-Values are in µm, N, mm and mm/s. `before` is the machine file as given, `after` the model with the
-causes found, `floor` one noisy run of the model minus its noise-free run.
+Values are in µm, N, mm and mm/s; of an axis that turns in µrad, N m, mrad and mrad/s. `before` is
+the machine file as given, `after` the model with the causes found, `floor` one noisy run of the
+model minus its noise-free run.
 """
 
 from __future__ import annotations
@@ -13,15 +14,17 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from hil_sim.settings import AxisSettings
 from sim2real.attribution import FrictionOverPosition
+from sim2real.axis_units import unit_on
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_phases
+from sim2real.report import SHOWN_AS
 from stagectl.report.gap.charts import Curve, bars, chart, legend
 from stagedata import aligned_demand
 
 F64 = NDArray[np.float64]
 
-SCALES = {"position": (1e6, "µm"), "force": (1.0, "N")}
 _BINS = 40
 _MIN_SAMPLES = 8  # in a bin that is drawn
 _SEGMENT = 1024  # samples, of the spectrum
@@ -54,7 +57,7 @@ class Section:
 def residual_section(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
-    axis: str,
+    settings: AxisSettings,
     signal: str,
     share: float,
     ratio: float,
@@ -64,12 +67,13 @@ def residual_section(
     Args:
         measured: the gap of each recording.
         explained: signals of the model with the causes, per recording; None without causes.
-        axis: its name.
+        settings: of the axis.
         signal: "position" or "force".
         share: of the gap's energy above the floor.
         ratio: Tc/Ts.
     """
-    scale, unit = SCALES[signal]
+    axis = settings.name
+    scale, unit = SHOWN_AS[measured[0].gap[axis][signal].unit]
     kinds: dict[str, list[F64]] = {"before": [], "after": [], "floor": []}
     by: dict[str, list[F64]] = {"phase": [], "position": [], "velocity": [], "time": []}
     valid = []
@@ -93,8 +97,10 @@ def residual_section(
     label = f"rms [{unit}]"
     panels = [Panel("Phase of motion", _by_phase(places["phase"], residuals, label))]
     for name, x_label in (
-        ("position", "position [mm]"), ("velocity", "velocity [mm/s]"), ("time", "time [s]"),
-    ):  # fmt: skip
+        ("position", f"position [{unit_on(settings, 'mm')}]"),
+        ("velocity", f"velocity [{unit_on(settings, 'mm/s')}]"),
+        ("time", "time [s]"),
+    ):
         # Samples at rest pile up in one place and would hide what happens there in motion.
         shown = np.ones(len(moving), dtype=bool) if name == "time" else moving
         curves = [
@@ -112,7 +118,7 @@ def residual_section(
     return Section(axis, signal, share, tuple(panels))
 
 
-def friction_panel(profile: FrictionOverPosition) -> Panel:
+def friction_panel(profile: FrictionOverPosition, axis: AxisSettings) -> Panel:
     """Friction over position, measured in motion and by the effect found."""
     places = 1e3 * profile.places
     curves = [
@@ -120,7 +126,7 @@ def friction_panel(profile: FrictionOverPosition) -> Panel:
         Curve("after", places, 100.0 * profile.named),
     ]
     title = f"Axis {profile.axis}: surplus of the Coulomb force"
-    return Panel(title, chart(curves, "position [mm]", "surplus [%]"))
+    return Panel(title, chart(curves, f"position [{unit_on(axis, 'mm')}]", "surplus [%]"))
 
 
 def residual_legend(explained: bool) -> Markup:

@@ -13,6 +13,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from hil_sim.settings import AxisSettings
+from sim2real.axis_units import unit_on
 from sim2real.residuals import (
     FrequencyResponse,
     ResidualViews,
@@ -64,11 +66,12 @@ def velocity_view(views: Sequence[ResidualViews]) -> View:
         if not of_axis.velocity:
             missing.append(f"Axis {of_axis.axis} did not move long enough at any speed.")
             continue
-        panels.append(_velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds"))
+        units = unit_on(of_axis.settings, "mm/s"), unit_on(of_axis.settings, "N")
+        panels.append(_velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds", units))
         fastest = max(float(np.abs(m.velocity).max()) for m in of_axis.velocity)
         slow = [_slower(means, _SLOW * fastest) for means in of_axis.velocity]
         if all(len(means.velocity) >= _FEWEST_SLOW for means in slow):
-            panels.append(_velocity_panel(slow, f"Axis {of_axis.axis}: low speeds"))
+            panels.append(_velocity_panel(slow, f"Axis {of_axis.axis}: low speeds", units))
     return View(tuple(panels), tuple(missing))
 
 
@@ -81,10 +84,11 @@ def plane_view(views: Sequence[ResidualViews]) -> View:
             missing.append(f"Axis {of_axis.axis} did not move.")
             continue
         limit = colour_limit(plane.mean["before"])
+        units = [unit_on(of_axis.settings, unit) for unit in ("mm", "mm/s", "N")]
         for model, values in plane.mean.items():
             title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
             picture = plane_picture(
-                1e3 * plane.positions, 1e3 * plane.velocities, values, limit, title
+                1e3 * plane.positions, 1e3 * plane.velocities, values, limit, title, units
             )
             panels.append(Panel(title, picture))
     return View(tuple(panels), tuple(missing))
@@ -100,7 +104,7 @@ def reversal_view(views: Sequence[ResidualViews]) -> View:
             way = "forward, then back" if loop.direction > 0 else "backward, then forward"
             turns = f"{loop.turns} reversal{'s' if loop.turns > 1 else ''}"
             title = f"Axis {of_axis.axis}: {way} ({turns})"
-            panels.append(Panel(title, _reversal_picture(loop)))
+            panels.append(Panel(title, _reversal_picture(loop, of_axis.settings)))
     return View(tuple(panels), tuple(missing))
 
 
@@ -138,7 +142,10 @@ def _slower(means: VelocityMeans, speed: float) -> VelocityMeans:
     )  # fmt: skip
 
 
-def _velocity_panel(directions: Sequence[VelocityMeans], title: str) -> Panel:
+def _velocity_panel(
+    directions: Sequence[VelocityMeans], title: str, units: tuple[str, str]
+) -> Panel:
+    """`units` are those of 1e-3 of the velocity and of the force."""
     curves, bands = [], []
     for means in directions:
         velocity = 1e3 * means.velocity
@@ -150,13 +157,14 @@ def _velocity_panel(directions: Sequence[VelocityMeans], title: str) -> Panel:
                 bands.append(Band(model, velocity[part], mean - spread, mean + spread))
     fastest = max(float(np.abs(c.x).max()) for c in curves)
     zero = Curve("zero", np.array([-fastest, fastest]), np.zeros(2))
+    speed, force = units
     picture = chart(
-        [zero, *curves], "velocity [mm/s]", "measured \u2212 simulated [N]", bands=bands
+        [zero, *curves], f"velocity [{speed}]", f"measured \u2212 simulated [{force}]", bands=bands
     )
     return Panel(title, picture)
 
 
-def _reversal_picture(loop: ReversalLoop) -> Markup:
+def _reversal_picture(loop: ReversalLoop, axis: AxisSettings) -> Markup:
     curves, bands = [], []
     for name, approach in loop.approach.items():
         departure = loop.departure.get(name)
@@ -170,7 +178,8 @@ def _reversal_picture(loop: ReversalLoop) -> Markup:
                 Band(name, 1e6 * b.place, b.force - b.spread, b.force + b.spread)
                 for b in (approach, departure)
             ]
-    return chart(curves, "position from the turning point [µm]", "force [N]", bands=bands)
+    position = f"position from the turning point [{unit_on(axis, 'µm')}]"
+    return chart(curves, position, f"force [{unit_on(axis, 'N')}]", bands=bands)
 
 
 def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:

@@ -24,7 +24,8 @@
   });
 
   // Measured and simulated in one chart, what is left in the other, all with one zoom.
-  function pair(id, series, digits) {
+  function pair(id, series, unit, digits) {
+    for (const place of find(id).querySelectorAll(".unit")) place.textContent = unit;
     const move = data.moves[shown];
     const kinds = data.kinds.filter((kind) => kind in series);
     const measured = values(series, "measured");
@@ -52,11 +53,12 @@
   function moveCharts() {
     const move = data.moves[shown];
     find("move-facts").textContent = "Travel: " + Object.entries(move.stroke)
-      .map(([name, distance]) => name + " " + +distance.toPrecision(4) + " mm").join(", ");
-    pair("move-force", move.axes[axis].force, 2);
+      .map(([name, distance]) => name + " " + +distance.toPrecision(4) + " " + data.units[name].stroke).join(", ");
+    const units = data.units[axis];
+    pair("move-force", move.axes[axis].force, units.force, 2);
     // Without a demand there is no following error.
     find("move-error").hidden = !("error" in move.axes[axis]);
-    if ("error" in move.axes[axis]) pair("move-error", move.axes[axis].error, 3);
+    if ("error" in move.axes[axis]) pair("move-error", move.axes[axis].error, units.error, 3);
   }
 
   function drawAll() {

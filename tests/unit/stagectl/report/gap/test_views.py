@@ -37,6 +37,19 @@ def test_each_picture_has_measured_before_and_after(seen):
             assert "nan" not in panel.picture
 
 
+def test_an_axis_that_turns_is_drawn_in_its_units(seen):
+    turning = [replace(seen, settings=replace(seen.settings, rotary=True))]
+    for draw, units in (
+        (velocity_view, ("[mrad/s]", "[N m]")),
+        (plane_view, ("[mrad]", "[mrad/s]", " N m<")),
+        (reversal_view, ("[µrad]", "[N m]")),
+    ):
+        for panel in draw(turning).panels:
+            assert all(unit in panel.picture for unit in units)
+            assert "[mm" not in panel.picture
+            assert "[N]" not in panel.picture
+
+
 def test_empty_data_are_a_sentence(seen):
     still = replace(seen, velocity=(), plane=None, response=None, reversals=())
     for draw in (velocity_view, plane_view, reversal_view, response_view):
