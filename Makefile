@@ -28,8 +28,9 @@ run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 	$(BIN)/stagectl run recipes/inspection-20.yaml --simulate --out runs/inspection-20
 
 # First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
+# In their order, the long files of tests/system come first and none is left over for one process.
 test: $(DEV) lint types layers ## lint, types, layers, all tests
-	STAGECTL_REQUIRE_VCAN= $(BIN)/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile
+	STAGECTL_REQUIRE_VCAN= $(BIN)/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m real_time
 
 lint: $(DEV) ## ruff
