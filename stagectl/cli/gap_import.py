@@ -14,18 +14,21 @@ from stagectl.cli.options import FILE, OUTPUT
 @click.option("--map", "how", type=FILE, required=True, help="Map of columns to channels (YAML).")
 @click.option("--out", type=OUTPUT, help="Recording to write.  [default: DATA.h5 in this folder]")
 def import_data(data: Path, how: Path, out: Path | None) -> None:
-    """Convert DATA, a .mat or text file, into a recording that the other gap commands read.
+    """Convert data of another program into a recording that the other gap commands read.
 
-    The map names the column, unit, factor and delay of each channel, and the machine file of the
-    stage; its drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md;
-    example: examples/emps.
+    DATA is a .mat, .npz or HDF5 file, a CODESYS trace (.trace, .xml) or text (.csv, ...). The map
+    names the column, unit, factor and delay of each channel, and the machine file of the stage; its
+    drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md; example:
+    examples/emps.
     """
     from stagectl.config.import_map import load_map, unlike_rotary
     from stagectl.store import import_recording, write_recording
 
+    target = Path(f"{data.stem}.h5") if out is None else out
+    if target.exists() and target.samefile(data):
+        raise click.UsageError(f"{target} is the data itself: name the recording with --out")
     columns, machine = load_map(how)
     recording = import_recording(data, columns, machine)
-    target = Path(f"{data.stem}.h5") if out is None else out
     write_recording(recording, target)
     for name in unlike_rotary(columns, machine):
         click.echo(

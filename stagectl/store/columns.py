@@ -1,4 +1,4 @@
-"""Columns of data files of other programs, MATLAB and text."""
+"""Columns of data files of other programs: MATLAB, NumPy, HDF5, CODESYS traces and text."""
 
 from __future__ import annotations
 
@@ -9,11 +9,20 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
-from stagectl.store.matlab_file import read_matlab
+from stagectl.store.binary_table import read_arrays, read_matlab
+from stagectl.store.plc_trace import read_plc_trace
 from stagectl.store.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
 TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".log")
+_READERS = {
+    ".mat": read_matlab,
+    ".npz": read_arrays,
+    ".h5": read_arrays,
+    ".hdf5": read_arrays,
+    ".trace": read_plc_trace,
+    ".xml": read_plc_trace,
+}
 _MOST_NAMES = 60
 
 
@@ -36,13 +45,13 @@ class Columns:
         self._not_numbers: dict[str, str] = {}
         self._texts: dict[str, list[str]] = {}
         suffix = path.suffix.lower()
-        if suffix == ".mat":
-            self._numbers = read_matlab(path)
+        if suffix in _READERS:
+            self._numbers = _READERS[suffix](path)
         elif suffix in TEXT_FILES:
             self._read_text(preamble)
         else:
-            known = ", ".join(TEXT_FILES)
-            raise UnusableInput(f"{path}: {suffix or 'no suffix'}: only .mat and {known} are read")
+            known = ", ".join((*_READERS, *TEXT_FILES))
+            raise UnusableInput(f"{path}: {suffix or 'no suffix'}: only {known} are read")
         if not self._numbers and not self._not_numbers:
             raise UnusableInput(f"{path}: no numeric column")
 

@@ -1,9 +1,9 @@
 """Text files of other programs as a table: names, and cells row by row.
 
-They may begin with other lines, have a second line of header with units, a header behind # or %,
-text columns beside the numbers, delimiters at the end of each line, and any of , ; tab or blanks
-between cells; with ; or tab a comma may be the decimal point. Text is UTF-8, UTF-16 with its mark,
-or else Windows-1252.
+They may begin with other lines, have more lines of header (units, or those of a TwinCAT scope with
+numbers of their own), a header behind # or %, text columns beside the numbers, delimiters at the
+end of each line, a mark of the end, and any of , ; tab or blanks between cells; with ; or tab a
+comma may be the decimal point. Text is UTF-8, UTF-16 with its mark, or else Windows-1252.
 """
 
 from __future__ import annotations
@@ -19,6 +19,10 @@ from pathlib import Path
 from stagectl.errors import UnusableInput
 
 _COMMENT = ("#", "%")
+_END = "EOF"
+"""The last line of some exports."""
+_JUDGED = 50
+"""Rows at the end that show which columns have numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +30,8 @@ class TextTable:
     """A table.
 
     Attributes:
-        names: of the columns; numbers from 1 where the file has no header.
+        names: of the columns, repeated ones as "name (2)"; numbers from 1 where the file has no
+            header.
         rows: cells of each row, as many as names.
         lines: number of each row's line in the file.
         decimal: the decimal point.
@@ -56,20 +61,15 @@ def read_table(path: Path, preamble: int | None) -> TextTable:
             comments.append((number, line.lstrip("#% \t")))
         else:
             lines.append((number, line))
+    if lines and lines[-1][1].rstrip(";,\t ") == _END:
+        lines.pop()
     if not lines:
         raise UnusableInput(f"{path}: empty")
     delimiter, decimal = _find_delimiter([line for _, line in lines])
     rows = _split([line for _, line in lines], delimiter)
     width = len(rows[0]) if preamble is not None else _usual_width(rows)
-    first = next(
-        (
-            i
-            for i, row in enumerate(rows)
-            if len(row) == width and any(to_number(cell, decimal) is not None for cell in row)
-        ),
-        len(rows),
-    )
-    if first == len(rows):
+    first = _first_row(rows, width, decimal)
+    if first is None:
         raise UnusableInput(f"{path}: no row of numbers")
     body, numbers = rows[first:], [number for number, _ in lines[first:]]
     for number, row in zip(numbers, body, strict=True):
@@ -80,10 +80,12 @@ def read_table(path: Path, preamble: int | None) -> TextTable:
     if width > 1 and not any(row[-1] for row in body):
         width -= 1  # each line ends with a delimiter
         body = [row[:-1] for row in body]
-    above = [_trimmed(row, width) for row in rows[:first]]
+    above = [_trimmed(row, width) for row in rows[_block(lines[:first]) : first]]
     behind = [line for number, line in comments if number < numbers[0]][-1:]
     names = _header(above) or _header([_trimmed(r, width) for r in _split(behind, delimiter)])
-    return TextTable(names or [str(i + 1) for i in range(width)], body, numbers, decimal)
+    return TextTable(
+        _distinct(names or list(map(str, range(1, width + 1)))), body, numbers, decimal
+    )
 
 
 def to_number(text: str, decimal: str = ".") -> float | None:
@@ -132,11 +134,43 @@ def _usual_width(rows: Sequence[Sequence[str]]) -> int:
     return max(counts, key=lambda width: counts[width])
 
 
+def _first_row(rows: Sequence[Sequence[str]], width: int, decimal: str) -> int | None:
+    """The first row of numbers; lines of the header have text in the first column of numbers."""
+    full = [(number, row) for number, row in enumerate(rows) if len(row) == width]
+    last = [row for _, row in full[-_JUDGED:]]
+    filled = [sum(to_number(row[c], decimal) is not None for row in last) for c in range(width)]
+    if not any(filled):
+        return None
+    column = next(c for c, count in enumerate(filled) if 2 * count >= max(filled))
+    for number, row in full:
+        if to_number(row[column], decimal) is not None:
+            return number
+        if not row[column] and any(to_number(cell, decimal) is not None for cell in row):
+            return number
+    return None
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Names with a number behind those that have been there before."""
+    seen: Counter[str] = Counter()
+    found = []
+    for name in names:
+        seen[name] += 1
+        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return found
+
+
 def _trimmed(row: list[str], width: int) -> list[str] | None:
     """A line above the numbers, if it is as wide as they are, delimiters at its end aside."""
     while len(row) > width and not row[-1]:
         row = row[:-1]
     return row if len(row) == width else None
+
+
+def _block(above: Sequence[tuple[int, str]]) -> int:
+    """Index of the first line of the last ones that no empty line parts."""
+    breaks = [i for i in range(1, len(above)) if above[i][0] > above[i - 1][0] + 1]
+    return breaks[-1] if breaks else 0
 
 
 def _header(above: Sequence[list[str] | None]) -> list[str] | None:

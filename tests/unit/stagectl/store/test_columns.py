@@ -19,7 +19,12 @@ def example():
     [
         ("a.mat", b"no such thing", "not a readable"),
         ("a.mat", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable"),
-        ("a.xyz", b"", "only .mat and .csv, .txt"),
+        ("a.xyz", b"", r"only \.mat, .* \.csv, \.txt"),
+        ("a.npz", b"PK\x03\x04no archive", "not a readable .npz"),
+        ("a.npz", b"no archive", "not a readable .npz"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable HDF5"),
+        ("a.trace", b"<Trace>", "not a readable trace"),
+        ("a.xml", b"<Trace/>", "no TraceVariable with samples of numbers"),
         ("a.csv", b"", "empty"),
         ("a.csv", b"t,qg\n1,2\n3\n", "row 3: 1 values"),
         ("a.csv", b"t,qg\n1,x\n", "column qg: 'x' is not a number"),

@@ -44,3 +44,47 @@ def test_encodings_and_tabs_with_decimal_commas(columns, tmp_path, encoding):
     text = path.read_text().replace(".", ",")
     path.write_bytes(f"Prüfstand 20 °C\n{text}".encode(encoding))
     np.testing.assert_allclose(read(tmp_path, path).axes["slide"].force_actual, columns["vir"])
+
+
+SCOPE = """\
+Name\tYT Scope Project
+File\tC:\\Scope\\axis.tcscopex
+Starttime of export\t133238090039920000\tMonday, March 20, 2023\t19:03:23.992
+Endtime of export\t133238090069910000\tMonday, March 20, 2023\t19:03:26.991
+
+"""
+CHANNEL = {
+    "SymbolComment": "", "Data-Type": "REAL64", "SampleTime[ms]": "1", "SymbolBased": "True",
+    "Port": "851", "Offset": "0", "BitMask": "0xFFFFFFFFFFFFFFFF",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("timelines", ["one", "each"])
+def test_the_export_of_a_twincat_scope(columns, tmp_path, timelines):
+    """Lines of its header have numbers, and each channel may have a column of times."""
+    names = [name for name in columns if name != "t"]
+
+    def line(first, cells):
+        pairs = [(first, cell) for cell in cells]
+        row = [first, *cells] if timelines == "one" else [part for pair in pairs for part in pair]
+        return "\t".join(row) + "\n"
+
+    text = SCOPE + line("Name", names)
+    text += "".join(line(key, [value] * len(names)) for key, value in CHANNEL.items()) + "\n"
+    for k in range(3000):
+        text += line(str(k), [repr(float(columns[name][k])).replace(".", ",") for name in names])
+    path = tmp_path / "scope.csv"
+    path.write_text(text + "EOF\n")
+    found = read(tmp_path, path, "time: {column: Name, unit: ms}\n").axes["slide"]
+    np.testing.assert_allclose(found.force_actual, columns["vir"])
+    np.testing.assert_allclose(found.position_actual, columns["qm"])
+
+
+def test_a_bad_cell_of_the_first_row_is_named(columns, tmp_path):
+    path = csv_of(columns, tmp_path / "a.csv")
+    lines = path.read_text().splitlines()
+    time, rest = lines[1].split(",", 1)
+    lines[1] = f"{time},-,{rest.split(',', 1)[1]}"
+    path.write_text("\n".join(lines))
+    with pytest.raises(UnusableInput, match=r"row 2, column .*: '-' is not a number"):
+        read(tmp_path, path)

@@ -1,4 +1,4 @@
-"""Columns of MATLAB files: structures, matrices, and version 7.3."""
+"""Columns of binary files: MATLAB's structures, matrices and version 7.3, NumPy, HDF5."""
 
 import h5py
 import numpy as np
@@ -6,8 +6,8 @@ import pytest
 from scipy.io import savemat
 
 from stagectl.errors import UnusableInput
+from stagectl.store.binary_table import read_arrays, read_matlab
 from stagectl.store.columns import Columns
-from stagectl.store.matlab_file import read_matlab
 
 Q = np.arange(20.0).reshape(10, 2)
 
@@ -38,3 +38,22 @@ def test_version_7_3_gives_the_same_names(tmp_path):
     found = read_matlab(path)
     assert set(found) == {"log.q(:,1)", "log.q(:,2)", "log.t"}
     np.testing.assert_array_equal(found["log.q(:,2)"], Q[:, 1])
+
+
+def test_numpy_and_other_hdf5_files_are_named_alike(tmp_path):
+    np.savez(tmp_path / "robot.npz", q=Q, t=np.arange(10.0), name="arm")
+    with h5py.File(tmp_path / "robot.h5", "w") as file:
+        file["log/q"] = Q
+        file["log/t"] = np.arange(10.0)
+        file["log/name"] = "arm"
+    assert set(read_arrays(tmp_path / "robot.npz")) == {"q(:,1)", "q(:,2)", "t"}
+    found = read_arrays(tmp_path / "robot.h5")
+    assert set(found) == {"log.q(:,1)", "log.q(:,2)", "log.t"}
+    np.testing.assert_array_equal(found["log.q(:,2)"], Q[:, 1])
+    np.testing.assert_array_equal(Columns(tmp_path / "robot.npz")["q(:,2)"], Q[:, 1])
+
+
+def test_pickled_objects_are_not_loaded(tmp_path):
+    np.savez(tmp_path / "robot.npz", log=np.array([{"q": 1}], dtype=object))
+    with pytest.raises(UnusableInput, match=r"not a readable \.npz file"):
+        read_arrays(tmp_path / "robot.npz")

@@ -1,11 +1,12 @@
-"""Columns of MATLAB files: versions 4 to 7 by scipy, 7.3 as HDF5.
+"""Columns of binary files: MATLAB's (versions 4 to 7 by scipy, 7.3 as HDF5), .npz and other HDF5.
 
-A column is named as in MATLAB: `t`, `log.q` for a field of a structure, `q(:,2)` for the second
-column of a matrix, or `q(2,:)` for the second row where samples run along the rows.
+A column is named as in MATLAB: `t`, `log.q` for a field of a structure or a group, `q(:,2)` for the
+second column of a matrix, or `q(2,:)` for the second row where samples run along the rows.
 """
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,7 +27,23 @@ def read_matlab(path: Path) -> dict[str, FloatArray]:
     Raises:
         UnusableInput: the file cannot be read.
     """
-    return _hdf5(path) if h5py.is_hdf5(path) else _matlab(path)
+    return _hdf5(path, of_matlab=True) if h5py.is_hdf5(path) else _matlab(path)
+
+
+def read_arrays(path: Path) -> dict[str, FloatArray]:
+    """All columns of numbers of an .npz or HDF5 file, by name.
+
+    Raises:
+        UnusableInput: the file cannot be read.
+    """
+    if h5py.is_hdf5(path):
+        return _hdf5(path, of_matlab=False)
+    try:
+        with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
+            return dict(_flatten("", {name: file[name] for name in file.files}))
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, TypeError) as error:
+        line = str(error).split("\n")[0]
+        raise UnusableInput(f"{path}: not a readable {path.suffix} file: {line}") from error
 
 
 def _matlab(path: Path) -> dict[str, FloatArray]:
@@ -68,18 +85,21 @@ def _of_array(name: str, values: npt.NDArray[np.generic]) -> Iterator[tuple[str,
             yield from ((f"{name}({i},:)", row) for i, row in enumerate(numbers, start=1))
 
 
-def _hdf5(path: Path) -> dict[str, FloatArray]:
+def _hdf5(path: Path, *, of_matlab: bool) -> dict[str, FloatArray]:
     found: dict[str, FloatArray] = {}
 
     def visit(name: str, member: object) -> None:
         if name.startswith("#") or not isinstance(member, h5py.Dataset):
             return
-        if member.dtype.kind in "fiub":  # MATLAB's order of the dimensions is the other one
-            found.update(_of_array(name.replace("/", "."), member[()].T))
+        if member.dtype.kind in "fiub":
+            values = np.asarray(member[()])
+            # MATLAB writes the last dimension first.
+            found.update(_of_array(name.replace("/", "."), values.T if of_matlab else values))
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(visit)
     except (OSError, RuntimeError, KeyError) as error:
-        raise UnusableInput(f"{path}: not a readable .mat file (version 7.3)") from error
+        kind = ".mat file (version 7.3)" if of_matlab else "HDF5 file"
+        raise UnusableInput(f"{path}: not a readable {kind}") from error
     return found
