@@ -6,6 +6,7 @@ controller, `open_loop` does both along the measured motion. `other_recordings` 
 result on recordings that took no part, and `clock` says when each recording began.
 """
 
+from sim2real.diagnosis.clock import continue_clock
 from sim2real.diagnosis.examination import (
     PHASES,
     Examination,
@@ -23,6 +24,7 @@ __all__ = [
     "Diagnosis",
     "Examination",
     "Progress",
+    "continue_clock",
     "diagnose",
     "examine",
     "judge_elsewhere",

@@ -7,7 +7,7 @@ That tells such effects from those that only look alike within one recording.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -54,6 +54,19 @@ def find_common_clock(recordings: Sequence[Recording]) -> Clock:
         f"effects that fade count time from the first recording's start; the last one began "
         f"{max(starts):.4g} s later",
     )
+
+
+def continue_clock(recordings: Sequence[Recording], others: Sequence[Recording]) -> Clock:
+    """The clock of other recordings of the stage that counts from the first of `recordings`.
+
+    Without one, each of the others counts from its own start, or from the first of them.
+    """
+    clock = find_common_clock([*recordings, *others])
+    count = len(recordings)
+    if not any(clock.starts):
+        return find_common_clock(others)
+    first = min(clock.starts[:count])
+    return replace(clock, starts=tuple(start - first for start in clock.starts[count:]))
 
 
 def _why_apart(recordings: Sequence[Recording], starts: Sequence[float]) -> str | None:

@@ -109,6 +109,7 @@ def examine(
     *,
     correct: bool = False,
     unknown: Mapping[str, Sequence[str]] | None = None,
+    clock: Clock | None = None,
     progress: Progress = lambda *_: None,
 ) -> Examination:
     """Examine recordings of one stage: channels, floor, gap, its location (long: in this order).
@@ -119,6 +120,7 @@ def examine(
         correct: continue with corrected channels instead of giving up.
         unknown: axis -> what the machine file leaves unknown, keys of `open_loop.FIGURES` or
             `GAINS`; the settings have any values there.
+        clock: of the recordings; None: their own.
         progress: called along the way.
 
     Raises:
@@ -130,7 +132,7 @@ def examine(
     if open_loop is None:
         require_presliding(settings)
     names = tuple(r.source for r in recordings)
-    clock = find_common_clock(recordings)
+    clock = find_common_clock(recordings) if clock is None else clock
     repairs = [repair_samples(recording, settings) for recording in recordings]
     recordings = [recording for recording, _ in repairs]
     repaired = [found for _, found in repairs]

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from sim2real.diagnosis import Diagnosis, examine, judge_elsewhere, report_without_causes
+from sim2real.diagnosis import (
+    Diagnosis,
+    continue_clock,
+    examine,
+    judge_elsewhere,
+    report_without_causes,
+)
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.report import Cause, SelectionStep
 from tests.unit.sim2real.conftest import stage_with
@@ -66,3 +72,21 @@ def test_a_gap_no_larger_than_the_floor_is_no_gap_to_close(others):
 def test_without_causes_there_is_nothing_to_judge(others):
     diagnosis = found(others)
     assert judge_elsewhere(diagnosis, others) is diagnosis.report
+
+
+def test_what_has_faded_is_not_there_in_a_later_recording(nominal):
+    """The drift of a first recording, at a time when nothing is left of it."""
+    first = replace(nominal[0], started="2026-03-01T10:00:00+01:00")
+    later = replace(
+        stage_with(nominal, 6, x={"force_offset": OFFSET}), started="2026-03-01T10:04:00+01:00"
+    )
+    drift = {"amplitude": 0.3, "time_constant": 20.0}
+    right = model(force_offset=OFFSET, thermal_drift=drift)
+    clock = continue_clock([first], [later])
+    assert clock.starts == (240.0,)
+    on_clock = examine([later], nominal[1], clock=clock)
+    anew = examine([later], nominal[1])
+    closed = [judge_elsewhere(found(o, right), o).gap_closed_elsewhere for o in (on_clock, anew)]
+    assert closed[0] > 0.95
+    assert closed[1] < 0.9
+    assert continue_clock([nominal[0]], [later]).starts == (0.0,)
