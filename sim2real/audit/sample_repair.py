@@ -84,19 +84,32 @@ def _lost_rows(recording: Recording, place: NDArray[np.int64]) -> NDArray[np.int
     At a jump of the time axis the demand has advanced by as many periods as were skipped.
     """
     lost = np.zeros(len(recording), dtype=np.int64)
-    for k in np.flatnonzero(np.diff(place) > 1) + 1:
-        if not 2 <= k < len(recording) - 1:
+    steps = np.diff(place)
+    usual_steps = np.flatnonzero(steps == 1)
+    changes = [np.diff(signals.position_demand) for signals in recording.axes.values()]
+    for k in np.flatnonzero(steps > 1) + 1:
+        around = _nearest(usual_steps, int(k) - 1)
+        if around is None:
             continue
         gone = int(place[k] - place[k - 1])
         ratios = []
-        for signals in recording.axes.values():
-            d = signals.position_demand
-            usual = 0.5 * (d[k - 1] - d[k - 2] + d[k + 1] - d[k])
+        for change in changes:
+            usual = float(change[list(around)].mean())
             if usual != 0.0:
-                ratios.append((abs(usual), (d[k] - d[k - 1]) / usual))
+                ratios.append((abs(usual), float(change[k - 1]) / usual))
         if ratios and max(ratios)[1] > 0.5 * (1 + gone):
             lost[k] = gone - 1
     return lost
+
+
+def _nearest(usual: NDArray[np.int64], step: int) -> tuple[int, int] | None:
+    """The numbers of the usual steps next to one, before and after; None where there are none.
+
+    Next to a lost or a held sample there may be another one.
+    """
+    after = int(np.searchsorted(usual, step, side="right"))
+    before = int(np.searchsorted(usual, step)) - 1
+    return (int(usual[before]), int(usual[after])) if before >= 0 and after < len(usual) else None
 
 
 def _with_rows(recording: Recording, lost: NDArray[np.int64]) -> Recording:
@@ -142,14 +155,20 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
     held = np.zeros(len(position), dtype=bool)
     usual = _STEPS * ((quantisation_step(position[signals.valid]) or axis.increment) + axis.noise)
     change = np.diff(position)
+    moves = change != 0.0
+    moves[1:] &= change[:-1] != 0.0  # what follows a held value catches up
+    moving = np.flatnonzero(moves)
     still = np.flatnonzero(change == 0.0)
     for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-        if not len(run) or run[0] < 1 or run[-1] + 2 >= len(change):
+        if not len(run) or run[-1] + 1 >= len(change):
             continue
-        before, jump, after = change[run[0] - 1], change[run[-1] + 1], change[run[-1] + 2]
-        around = 0.5 * (before + after)
+        around = _nearest(moving, int(run[-1]) + 1)
+        if around is None:
+            continue
+        before, jump, after = change[around[0]], change[run[-1] + 1], change[around[1]]
+        mean = 0.5 * (before + after)
         same_way = before * after > 0.0 and before * jump > 0.0
-        if same_way and abs(around) > usual and abs(jump) > _JUMP * abs(around):
+        if same_way and abs(mean) > usual and abs(jump) > _JUMP * abs(mean):
             held[run + 1] = True
     return held & signals.valid
 

@@ -85,6 +85,30 @@ def test_held_values_are_not_valid(stage, sound, kept, channels):
     assert audit_channels(held, stage).findings == ()
 
 
+@pytest.fixture(scope="module")
+def neighbours(sound):
+    """Rows at full speed that are lost or held with one good row between them."""
+    speed = np.abs(np.diff(sound.axes["x"].position_demand))
+    fastest = int(np.argmax(speed))
+    return np.array([fastest - 2, fastest, fastest + 2])
+
+
+def test_next_to_a_lost_row_may_be_another_one(stage, sound, neighbours):
+    kept = np.setdiff1d(np.arange(len(sound)), neighbours)
+    repaired, _ = repair_samples(taken(sound, kept, time=sound.time[kept], moves=()), stage)
+    assert len(repaired) == len(sound)
+    assert not repaired.axes["x"].valid[neighbours].any()
+    demand = repaired.axes["x"].position_demand - sound.axes["x"].position_demand
+    assert np.abs(demand).max() < 2e-6
+
+
+def test_next_to_a_held_value_may_be_another_one(stage, sound, neighbours):
+    rows = np.arange(len(sound))
+    rows[neighbours] -= 1
+    held, _ = repair_samples(taken(sound, rows, ("position_actual", "force_actual")), stage)
+    assert np.flatnonzero(~held.axes["x"].valid).tolist() == neighbours.tolist()
+
+
 def test_where_the_host_paused_nothing_is_put_back(stage, sound):
     """The drives held their setpoint for ten periods; the demand continued where it was."""
     later = np.where(np.arange(len(sound)) < 1000, 0.0, 0.01)
