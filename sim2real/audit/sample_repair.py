@@ -8,11 +8,12 @@ through a gap in the log, but not through a pause of the host.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, PPoly
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.audit.signal_checks import ALL_AXES
@@ -20,12 +21,19 @@ from sim2real.gap import match_periods, quantisation_step
 from sim2real.report import ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 
+_SMOOTH = CubicSpline
+"""Of the demand: exact where its jerk is constant. 0.1 um off are 0.1 N and more by the drive."""
 _STEPS = 3.0
 """Smallest change of position per sample, in units of log resolution plus encoder noise, at which a
 held value can be told from standstill."""
 _JUMP = 1.5
 """After a held value the position catches up: it then changes by at least this multiple of the
 change per sample before and after."""
+_LATE = 2
+"""Samples after a held value within which the position catches up; those before it are late."""
+_CLEAR = 0.25
+"""The demand tells lost rows from a pause if it has advanced by the periods skipped, or by none of
+them, to within this share."""
 _MOST_LOST = 0.2
 """Largest ratio of lost to logged rows at which the lost ones are put back."""
 
@@ -62,6 +70,9 @@ def repair_samples(
         if axis.name in recording.axes
     }
     if any(mask.any() for mask in held.values()):
+        rows = np.logical_or.reduce(list(held.values()))
+        for name, mask in held.items():  # a row that is late on one axis is so on the others
+            mask |= rows & (np.diff(recording.axes[name].position_actual, prepend=np.nan) == 0.0)
         recording = _without_held(recording, held)
     for name, mask in held.items():
         if mask.any():
@@ -81,34 +92,41 @@ def _applied(axis: str, channel: str, kind: str, share: float, text: str) -> Cha
 def _lost_rows(recording: Recording, place: NDArray[np.int64]) -> NDArray[np.int64]:
     """Rows lost before each sample, int64[K].
 
-    At a jump of the time axis the demand has advanced by as many periods as were skipped.
+    Where rows were lost, the demand has advanced by as many periods as the time; where the host
+    paused, by one. At rest and where its speed changes fast the demand does not say; what most of
+    the other gaps are, these are too, unless they are longer than all of those.
     """
-    lost = np.zeros(len(recording), dtype=np.int64)
     steps = np.diff(place)
     usual_steps = np.flatnonzero(steps == 1)
     changes = [np.diff(signals.position_demand) for signals in recording.axes.values()]
-    for k in np.flatnonzero(steps > 1) + 1:
-        around = _nearest(usual_steps, int(k) - 1)
-        if around is None:
-            continue
-        gone = int(place[k] - place[k - 1])
-        ratios = []
-        for change in changes:
-            usual = float(change[list(around)].mean())
-            if usual != 0.0:
-                ratios.append((abs(usual), float(change[k - 1]) / usual))
-        if ratios and max(ratios)[1] > 0.5 * (1 + gone):
-            lost[k] = gone - 1
-    return lost
+    lost, paused, unclear = [], [], []
+    for k in (np.flatnonzero(steps > 1) + 1).tolist():
+        around = _nearest(usual_steps, k - 1, k - 1)
+        usual = [0.0 if around is None else float(c[list(around)].mean()) for c in changes]
+        a = int(np.argmax(np.abs(usual)))
+        periods = float(changes[a][k - 1]) / usual[a] if usual[a] != 0.0 else math.nan
+        advanced = (periods - 1.0) / (steps[k - 1] - 1.0)
+        if abs(advanced - 1.0) < _CLEAR:
+            lost.append(k)
+        elif abs(advanced) < _CLEAR:
+            paused.append(k)
+        else:
+            unclear.append(k)
+    if len(lost) > len(paused):
+        longest = max(int(steps[k - 1]) for k in lost)
+        lost += [k for k in unclear if steps[k - 1] <= longest]
+    before = np.zeros(len(recording), dtype=np.int64)
+    before[lost] = [int(steps[k - 1]) - 1 for k in lost]
+    return before
 
 
-def _nearest(usual: NDArray[np.int64], step: int) -> tuple[int, int] | None:
-    """The numbers of the usual steps next to one, before and after; None where there are none.
+def _nearest(usual: NDArray[np.int64], first: int, last: int) -> tuple[int, int] | None:
+    """The usual steps next to those from `first` to `last`, before and after; None without them.
 
     Next to a lost or a held sample there may be another one.
     """
-    after = int(np.searchsorted(usual, step, side="right"))
-    before = int(np.searchsorted(usual, step)) - 1
+    before = int(np.searchsorted(usual, first)) - 1
+    after = int(np.searchsorted(usual, last, side="right"))
     return (int(usual[before]), int(usual[after])) if before >= 0 and after < len(usual) else None
 
 
@@ -119,8 +137,8 @@ def _with_rows(recording: Recording, lost: NDArray[np.int64]) -> Recording:
     was = np.zeros(len(every), dtype=bool)
     was[index] = True
 
-    def between(values: FloatArray) -> FloatArray:
-        filled: FloatArray = PchipInterpolator(index, values)(every)
+    def between(values: FloatArray, read: type[PPoly] = Akima1DInterpolator) -> FloatArray:
+        filled: FloatArray = read(index, values)(every)
         filled[index] = values
         return filled
 
@@ -128,7 +146,7 @@ def _with_rows(recording: Recording, lost: NDArray[np.int64]) -> Recording:
     axes = {}
     for name, signals in recording.axes.items():
         axes[name] = AxisSignals(
-            between(signals.position_demand),
+            between(signals.position_demand, _SMOOTH),
             between(signals.force_offset),
             between(signals.position_actual),
             between(signals.force_actual),
@@ -160,16 +178,19 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
     moving = np.flatnonzero(moves)
     still = np.flatnonzero(change == 0.0)
     for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
-        if not len(run) or run[-1] + 1 >= len(change):
+        if not len(run):
             continue
-        around = _nearest(moving, int(run[-1]) + 1)
+        around = _nearest(moving, int(run[0]), int(run[-1]) + _LATE)
         if around is None:
             continue
-        before, jump, after = change[around[0]], change[run[-1] + 1], change[around[1]]
+        before, after = change[list(around)]
         mean = 0.5 * (before + after)
-        same_way = before * after > 0.0 and before * jump > 0.0
-        if same_way and abs(mean) > usual and abs(jump) > _JUMP * abs(mean):
-            held[run + 1] = True
+        if before * after <= 0.0 or abs(mean) <= usual:
+            continue
+        for last in range(run[-1] + 1, run[-1] + _LATE + 1):
+            if change[last] / mean > _JUMP:
+                held[run[0] + 1 : last + 1] = True
+                break
     return held & signals.valid
 
 
@@ -185,8 +206,8 @@ def _without_held(recording: Recording, held: dict[str, BoolArray]) -> Recording
         demand, offset = signals.position_demand, signals.force_offset
         if rows.any():
             demand, offset = demand.copy(), offset.copy()
-            for values in (demand, offset):
-                values[rows] = PchipInterpolator(index[~rows], values[~rows])(index[rows])
+            for values, read in ((demand, _SMOOTH), (offset, Akima1DInterpolator)):
+                values[rows] = read(index[~rows], values[~rows])(index[rows])
         axes[name] = replace(
             signals, position_demand=demand, force_offset=offset, valid=signals.valid & ~held[name]
         )
