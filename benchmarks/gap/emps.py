@@ -28,9 +28,8 @@ from sim2real.free_loop import FreeLoop, FreeSearch
 from sim2real.gap import gap_closed, measure_gap
 from sim2real.shrinkage import FLOOR_LEVEL
 from stagectl.config import stage_settings
-from stagectl.config.import_map import load_map
+from stagectl.importing import import_recording, load_map
 from stagectl.report import Line, Panel, draw
-from stagectl.store import import_recording
 
 MAP = Path(__file__).parents[2] / "examples" / "emps" / "map.yaml"
 AXIS = "slide"

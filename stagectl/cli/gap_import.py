@@ -21,8 +21,8 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
     drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md; example:
     examples/emps.
     """
-    from stagectl.config.import_map import load_map, unlike_rotary
-    from stagectl.store import import_recording, write_recording
+    from stagectl.importing import import_recording, load_map, unlike_rotary
+    from stagectl.store import write_recording
 
     target = Path(f"{data.stem}.h5") if out is None else out
     if target.exists() and target.samefile(data):

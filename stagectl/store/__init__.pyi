@@ -1,7 +1,6 @@
 from .asc_log import LOG_NAME, find_log
 from .atomic import write_atomically
 from .bus_log import SPOOL_NAME, BusLog, recover_log
-from .import_data import import_recording
 from .journal import (
     FILE_NAME,
     SAMPLE_TAG,
@@ -60,7 +59,6 @@ __all__ = [
     "build_summary",
     "find_log",
     "finite",
-    "import_recording",
     "read_journal_notes",
     "read_ledger",
     "read_log",

@@ -8,7 +8,7 @@ import pytest
 from hil_sim.bus import faults as f
 from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
-from stagectl.config.import_map import load_map
+from stagectl.importing import load_map
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode

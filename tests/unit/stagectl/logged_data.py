@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from stagectl.config.import_map import load_map
-from stagectl.store import import_recording
+from stagectl.importing import import_recording, load_map
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "emps"
 MACHINE = (EXAMPLE / "machine.yaml").read_text()

@@ -10,8 +10,8 @@ from hil_sim.effects.library import library
 from hil_sim.settings import CascadeSettings
 from sim2real.diagnosis import diagnose, examine
 from stagectl.config import load_machine, stage_settings
-from stagectl.config.import_map import load_map
-from stagectl.store import import_recording, read_recording
+from stagectl.importing import import_recording, load_map
+from stagectl.store import read_recording
 from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL
 
 DATA = Path(__file__).parents[3] / "data"

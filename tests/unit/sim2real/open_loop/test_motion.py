@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sim2real.open_loop import measure_motion
-from stagectl.config.import_map import load_map
 from stagectl.config.settings.package_settings import stage_settings
-from stagectl.store import import_recording
+from stagectl.importing import import_recording, load_map
 from tests.unit.sim2real.other_machines import ROBOT, TOOL
 
 

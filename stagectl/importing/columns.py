@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
-from stagectl.store.binary_table import read_arrays, read_matlab
-from stagectl.store.plc_trace import read_plc_trace
-from stagectl.store.text_table import read_table, to_number
+from stagectl.importing.binary_table import read_arrays, read_matlab
+from stagectl.importing.plc_trace import read_plc_trace
+from stagectl.importing.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
 TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".log")

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from stagectl.config.import_map import AxisColumns, Column, ImportMap, unit_factor
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
-from stagectl.store.columns import Columns
+from stagectl.importing.columns import Columns
+from stagectl.importing.import_map import AxisColumns, Column, ImportMap, unit_factor
 from stagedata import AxisSignals, Move, Recording
 
 FloatArray = npt.NDArray[np.float64]

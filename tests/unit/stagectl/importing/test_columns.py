@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from stagectl.config.import_map import load_map
 from stagectl.errors import UnusableInput
-from stagectl.store import import_recording
+from stagectl.importing import import_recording, load_map
 from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, read
 
 

@@ -6,8 +6,8 @@ import pytest
 from scipy.io import savemat
 
 from stagectl.errors import UnusableInput
-from stagectl.store.binary_table import read_arrays, read_matlab
-from stagectl.store.columns import Columns
+from stagectl.importing.binary_table import read_arrays, read_matlab
+from stagectl.importing.columns import Columns
 
 Q = np.arange(20.0).reshape(10, 2)
 

@@ -9,9 +9,9 @@ from scipy.io import savemat
 
 from sim2real.gap import measure_gap
 from stagectl.config import stage_settings
-from stagectl.config.import_map import load_map
 from stagectl.errors import ConfigError, UnusableInput
-from stagectl.store import import_recording, read_recording, write_recording
+from stagectl.importing import import_recording, load_map
+from stagectl.store import read_recording, write_recording
 from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, MACHINE, csv_of, read
 
 DATA = "STAGECTL_EMPS"

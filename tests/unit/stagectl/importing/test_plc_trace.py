@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.store.plc_trace import read_plc_trace
+from stagectl.importing.plc_trace import read_plc_trace
 from tests.unit.stagectl.logged_data import AXIS, read
 
 HEAD = """<?xml version="1.0" encoding="utf-16"?>

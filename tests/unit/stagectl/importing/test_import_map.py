@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stagectl.config.import_map import load_map, unlike_rotary
 from stagectl.errors import ConfigError
+from stagectl.importing import load_map, unlike_rotary
 from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, MACHINE, csv_of, read
 
 
