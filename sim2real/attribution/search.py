@@ -21,7 +21,9 @@ from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking
 from sim2real.attribution.constants import (
     CLOSE,
+    FACTOR,
     FAINT,
+    FEWEST_SCALED,
     FITTED,
     FITTED_FAINT,
     LEAST_GAIN,
@@ -29,6 +31,7 @@ from sim2real.attribution.constants import (
     PASSES,
     PROMISING,
     RIVALS,
+    SCALED,
     WANDERS,
 )
 from sim2real.attribution.levels import settle_levels
@@ -156,6 +159,8 @@ def search_effects(
         if not added or len(effects) == 1:
             break
         last = _look_back(problem, last, steps, ranking)
+        problem.rescale(last.fitted.residual)
+        last = _look_for_factor(problem, library, ranking, last, found, progress)
         problem.rescale(last.fitted.residual)
         if set(last.model.names()) == set(effects):
             break
@@ -326,11 +331,14 @@ def _look_back(
     steps: Mapping[str, _Step],
     ranking: Ranking,
 ) -> Alternative:
-    """Test each earlier effect again beside the later ones: without it, and with its rivals."""
-    for name in current.model.names()[:-1]:
+    """Test each effect again beside the others: without it, and with its rivals.
+
+    Also the last one: it may have done no more than to move a fit on that had stalled without it.
+    """
+    for name in current.model.names():
         index = current.model.names().index(name)
         fewer = current.model.without(index)
-        ranking.enter(fit(problem, fewer, 2, thorough=False))
+        ranking.enter(fit(problem, fewer, 4, thorough=False))
         rest = ranking.best(fewer.names())
         if ranking.score(current) > ranking.score(rest) - LEAST_GAIN:
             current = rest
@@ -341,6 +349,39 @@ def _look_back(
             trials = fit_alternatives(problem, ranking, beside, 3)
             current = refine_contenders(problem, ranking, [current, *trials])
     return current
+
+
+def _look_for_factor(
+    problem: AxisProblem,
+    library: Mapping[str, Effect],
+    ranking: Ranking,
+    current: Alternative,
+    found: AxisSearch,
+    progress: Callable[[float], object],
+) -> Alternative:
+    """A factor on the force in the place of mass, friction and stiffness, if that takes less.
+
+    By itself such a factor is the same as all of these by its inverse. Selection takes the mass
+    first, and no exchange of one effect for another leads back.
+    """
+    terms = {term.name: term for term in current.model.terms}
+    scaled = [name for name in SCALED if name in terms]
+    if FACTOR in terms or FACTOR not in library or SCALED[0] not in scaled:
+        return current
+    if len(scaled) < FEWEST_SCALED:
+        return current
+    mass = problem.axis.mass
+    factor = Term(library[FACTOR], (mass / (mass + terms[SCALED[0]].values[0]),))
+    kept = tuple(term for term in current.model.terms if term.name not in scaled)
+    start = AxisModel(problem.start.base, (*kept, factor))
+    last = refine_contenders(problem, ranking, fit_alternatives(problem, ranking, [start], 5))
+    added = _look_forward(problem, library, ranking, last, found, progress)
+    last = ranking.best((added[-1].best if added else last).model.names())
+    problem.rescale(last.fitted.residual)
+    last, current = ranking.reweigh(last.model), ranking.best(current.model.names())
+    fewer = len(current.model.terms) - len(last.model.terms)
+    worse = ranking.score(last) - ranking.score(current)
+    return last if worse < fewer * LEAST_GAIN else current
 
 
 def _rivals(ranking: Ranking, step: _Step, current: Alternative) -> list[Term]:
