@@ -164,6 +164,8 @@ def search_effects(
         problem.rescale(last.fitted.residual)
         if set(last.model.names()) == set(effects):
             break
+        last = ranking.reweigh(last.model)
+        problem.rescale(last.fitted.residual)
     model = last.model
     fine = problem.finer_if_close(last.fitted.residual)
     found.best = fit(fine, model, 2) if model.terms else last.fitted
