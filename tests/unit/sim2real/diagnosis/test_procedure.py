@@ -74,6 +74,20 @@ def test_an_effect_named_too_early_is_replaced(nominal: tuple[Recording, StageSe
     assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
 
 
+def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """By itself it is all of these; another level of friction hides one of them."""
+    there = {
+        "force_constant": {"ratio": 1.1},
+        "coulomb_level": {"ratio": 1.09},
+        "cross_coupling": {"mass": -0.58},
+    }
+    recording = stage_with(nominal, 32, y=there)
+    found = diagnosed(recording, nominal[1], *set(library()) - {"thermal_drift"})
+    assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
+
+
 def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings]) -> None:
     recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
     known = {name: library()[name] for name in ("dead_time", "payload_mass", "force_offset")}
