@@ -24,9 +24,9 @@ RIVALS = 2
 """Number of effects that came close and are tried again in the place of each effect found."""
 PASSES = 3
 """Largest number of times that effects are added and then reconsidered."""
-FACTOR, SCALED = "force_constant", ("payload_mass", "coulomb_level", "viscous_damping",
-                                    "presliding_stiffness")  # fmt: skip
-"""The effect that the loop cannot tell from all of these by one factor, the mass among them."""
+FACTOR, MASS = "force_constant", "payload_mass"
+SCALED = (MASS, "coulomb_level", "viscous_damping", "presliding_stiffness")
+"""The first is an effect that the loop cannot tell from all of `SCALED` by one factor."""
 FEWEST_SCALED = 3
 """Number of these from which that effect is tried in their place."""
 LEAST_GAIN = 100.0

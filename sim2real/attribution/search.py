@@ -27,6 +27,7 @@ from sim2real.attribution.constants import (
     FITTED,
     FITTED_FAINT,
     LEAST_GAIN,
+    MASS,
     OPEN,
     PASSES,
     PROMISING,
@@ -151,9 +152,7 @@ def search_effects(
     last, steps = ranking.enter(plain), dict[str, _Step]()
     # What does not show in the closed loop is no gap, whatever the innovations say.
     for _ in range(PASSES if found.open_gap > OPEN * FLOOR_LEVEL else 0):
-        added = _look_forward(problem, library, ranking, last, found, progress)
-        last = ranking.best((added[-1].best if added else last).model.names())
-        problem.rescale(last.fitted.residual)
+        last, added = _look_forward(problem, library, ranking, last, found, progress)
         steps |= {step.name: step for step in added}
         effects = last.model.names()
         if not added or len(effects) == 1:
@@ -228,8 +227,11 @@ def _look_forward(
     start: Alternative,
     found: AxisSearch,
     progress: Callable[[float], object],
-) -> list[_Step]:
-    """Add one effect after another to `start`, as long as the recording supports it."""
+) -> tuple[Alternative, list[_Step]]:
+    """Add one effect after another to `start`, as long as the recording supports it.
+
+    Returns the explanation reached, and the steps to it.
+    """
     steps: list[_Step] = []
     last = start
     for depth in range(len(start.model.terms), MOST_EFFECTS):
@@ -261,7 +263,9 @@ def _look_forward(
         problem.rescale(best.fitted.residual)
         if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
             break
-    return steps
+    last = ranking.best(last.model.names())
+    problem.rescale(last.fitted.residual)
+    return last, steps
 
 
 def _advance(progress: Callable[[float], object], depth: int, scanned: float) -> None:
@@ -367,19 +371,17 @@ def _look_for_factor(
     first, and no exchange of one effect for another leads back.
     """
     terms = {term.name: term for term in current.model.terms}
-    scaled = [name for name in SCALED if name in terms]
-    if FACTOR in terms or FACTOR not in library or SCALED[0] not in scaled:
+    scaled = {name for name in SCALED if name in terms}
+    if FACTOR in terms or FACTOR not in library:
         return current
-    if len(scaled) < FEWEST_SCALED:
+    if MASS not in scaled or len(scaled) < FEWEST_SCALED:
         return current
     mass = problem.axis.mass
-    factor = Term(library[FACTOR], (mass / (mass + terms[SCALED[0]].values[0]),))
+    factor = Term(library[FACTOR], (mass / (mass + terms[MASS].values[0]),))
     kept = tuple(term for term in current.model.terms if term.name not in scaled)
     start = AxisModel(problem.start.base, (*kept, factor))
     last = refine_contenders(problem, ranking, fit_alternatives(problem, ranking, [start], 5))
-    added = _look_forward(problem, library, ranking, last, found, progress)
-    last = ranking.best((added[-1].best if added else last).model.names())
-    problem.rescale(last.fitted.residual)
+    last, _ = _look_forward(problem, library, ranking, last, found, progress)
     last, current = ranking.reweigh(last.model), ranking.best(current.model.names())
     fewer = len(current.model.terms) - len(last.model.terms)
     worse = ranking.score(last) - ranking.score(current)

@@ -12,7 +12,10 @@ COMMANDS = {
     "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Find the physical causes of the gap."),
     "excite": ("stagectl.cli.gap_excite:excite", "Write a recipe that tells effects apart."),
     "blind": ("stagectl.cli.gap_blind:blind", "Test the diagnosis on simulated stages."),
-    "import": ("stagectl.cli.gap_import:import_data", "Convert .mat or .csv data to a recording."),
+    "import": (
+        "stagectl.cli.gap_import:import_data",
+        "Convert data of another program to a recording.",
+    ),
 }
 
 
