@@ -7,6 +7,7 @@ import hashlib
 import os
 import shutil
 import time
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -22,11 +23,15 @@ PART = 1000
 DEADLINE = 600.0  # only ends a wait that would otherwise never end
 
 
-def wait_for(path: Path) -> None:
+def wait_until(reached: Callable[[], bool]) -> None:
     ends = time.monotonic() + DEADLINE
-    while not path.exists():
+    while not reached():
         assert time.monotonic() < ends
         time.sleep(0.001)
+
+
+def wait_for(path: Path) -> None:
+    wait_until(path.exists)
 
 
 def tap(log: BusLog, folder: Path, first: int, count: int) -> None:
@@ -35,6 +40,7 @@ def tap(log: BusLog, folder: Path, first: int, count: int) -> None:
         log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
         if k % PART == PART // 2:
             wait_for(folder / f"bus-{k // PART + 2:03}.frames")
+            wait_until(lambda: log._frames._next is not None)  # noqa: SLF001 (the file is there sooner)
 
 
 def in_one_file(folder: Path, count: int) -> BusLog:
