@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel, machine_code
-from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.sampled_force import slope
-from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 
@@ -90,19 +88,17 @@ class LowSpeedFriction:
             return move
         return replace(move, force=move.force - self.force(slope(move.path, self._period)))
 
-    def learn_from(self, move: MoveData, friction: FrictionFigures, state: FrictionState) -> bool:
+    def learn_from(self, move: MoveData, friction: F64, coulomb: float) -> bool:
         """`learn` from a move, if it was fast and none of its samples is missing.
 
         Args:
             move: with mean forces (`estimation.sampled_force`).
-            friction: the model so far.
-            state: friction state at rest before the move; not changed.
+            friction: as for `learn`.
+            coulomb: as for `learn`.
         """
-        velocity = slope(move.position, self._period)
-        if not move.valid.all() or np.abs(velocity).max() < FASTEST:
+        if not move.valid.all() or np.abs(slope(move.position, self._period)).max() < FASTEST:
             return False
-        force, _ = follow(friction, state.copy(), move.position, velocity, self._period)
-        return self.learn(move.position, move.force, force, friction.coulomb)
+        return self.learn(move.position, move.force, friction, coulomb)
 
     def describe(self) -> list[str]:
         """What is fed forward that the friction law does not have, as clauses."""

@@ -38,25 +38,17 @@ def kink_share(period: float, tip: float) -> float:
 
 
 def with_mean_force(
-    move: MoveData,
-    share: float,
-    friction: FrictionFigures,
-    state: FrictionState | None,
-    period: float,
-    peak: float,
-    commanded: F64 | None = None,
+    move: MoveData, share: float, friction: F64 | None, peak: float, commanded: F64 | None = None
 ) -> MoveData:
     """A move's data with forces that go with the second differences of its positions.
 
-    The friction's part is taken off the measured force, from the model so far: it matters where
-    the friction changes fast, and is small enough for a model that is half wrong.
+    The friction's part is smooth. It matters where the friction changes fast, and is small enough
+    for a model that is half wrong.
 
     Args:
         move: as sampled. Where a neighbour is missing, disturbed or saturated, its force stays.
         share: of `kink_share`.
-        friction: the model so far.
-        state: friction state at rest before the move; None: not known.
-        period: of the samples [s].
+        friction: by the model so far, as of `modelled_friction`, shape (K,) [N]; None: not known.
         peak: the force saturates there [N].
         commanded: force offset in force at each sample, shape (K,): what of the force has kinks;
             None: all of it.
@@ -70,14 +62,28 @@ def with_mean_force(
         around = share * _bend(move.force)
     else:
         around = SMOOTH * _bend(move.force) + (share - SMOOTH) * _bend(commanded)
-    if state is not None:
-        path = move.path
-        model, _ = follow(friction, state.copy(), path, slope(path, period), period)
-        around -= SMOOTH * _bend(model)
+    if friction is not None:
+        around -= SMOOTH * _bend(friction)
     force = move.force.copy()
     inner = sound[:-2] & sound[1:-1] & sound[2:]
     force[1:-1][inner] += around[inner]
     return replace(move, force=force)
+
+
+def modelled_friction(
+    move: MoveData, friction: FrictionFigures, state: FrictionState, period: float
+) -> F64:
+    """Friction force at a move's samples by a model, without its viscous part, shape (K,) [N].
+
+    Args:
+        move: as sampled.
+        friction: the model.
+        state: friction state at rest before the move; not changed.
+        period: of the samples [s].
+    """
+    path = move.path
+    force, _ = follow(friction, state.copy(), path, slope(path, period), period)
+    return force
 
 
 def slope(path: F64, period: float) -> F64:

@@ -20,6 +20,8 @@ LAW_FIGURES: Mapping[LawName, tuple[str, ...]] = {
 }
 """Friction laws by name, with the figures that each has beside those of all laws."""
 
+_POSITIVE = ("coulomb", "stiffness", "relaxation_rate", "stribeck_velocity", "stribeck_shape")
+_OF_SOME_LAWS = ("elements", "stiffness", "relaxation_rate")
 MAX_ELEMENTS = 64
 
 
@@ -55,17 +57,14 @@ class FrictionFigures:
     def __post_init__(self) -> None:
         if self.law not in LAW_FIGURES:
             raise ValueError(f"law: must be one of {', '.join(LAW_FIGURES)}, is {self.law!r}")
-        for name in ("elements", "stiffness", "relaxation_rate"):
-            if not self.has(name) and (value := getattr(self, name)) != 0:
-                raise ValueError(f"{name}: the law {self.law} has none, is {value!r}")
         if self.has("elements") and not 1 <= self.elements <= MAX_ELEMENTS:
             raise ValueError(f"elements: must be 1..{MAX_ELEMENTS}, is {self.elements}")
-        for name in (
-            "coulomb", "stiffness", "relaxation_rate", "stribeck_velocity", "stribeck_shape",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if self.has(name) and not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: must be > 0, is {value!r}")
+        for name in _POSITIVE:
+            if not 0.0 < getattr(self, name) < math.inf and self.has(name):
+                raise ValueError(f"{name}: must be > 0, is {getattr(self, name)!r}")
+        for name in _OF_SOME_LAWS:
+            if not self.has(name) and getattr(self, name) != 0:
+                raise ValueError(f"{name}: the law {self.law} has none, is {getattr(self, name)!r}")
         if not (math.isfinite(self.viscous) and self.viscous >= 0):
             raise ValueError(f"viscous: must be >= 0, is {self.viscous!r}")
         if not (math.isfinite(self.static_ratio) and self.static_ratio > -1):

@@ -8,7 +8,6 @@ from estimation.friction.coulomb_variation import (
 )
 from estimation.friction.feedforward import (
     friction_feedforward,
-    mass_feedforward,
     remaining_feedforward,
 )
 from estimation.friction.follow import REST_BAND, follow, follow_positions
@@ -40,7 +39,6 @@ __all__ = [
     "kernel_figures",
     "level_with_target",
     "make_constants",
-    "mass_feedforward",
     "remaining_feedforward",
     "state_after",
     "varying_feedforward",

@@ -1,8 +1,7 @@
-"""Force for a demanded trajectory, from the friction state that the stage is in.
+"""Friction along a demanded trajectory, from the friction state that the stage is in.
 
-Mass times demanded acceleration, plus friction predicted by driving a copy of the handed-over state
-along the demand. Evaluated a little ahead of the demand: the force comes later than its command by
-the lag of the drive's current loop and half a control tick.
+Predicted by driving a copy of the handed-over state along the demand, evaluated a little ahead of
+it: the drive holds its output for a control tick, half of which is a delay.
 """
 
 from __future__ import annotations
@@ -86,12 +85,3 @@ def remaining_feedforward(
     )
     change: F64 = force + friction.viscous * velocity[1:] - first
     return change[_STEPS - 1 :: _STEPS]
-
-
-def mass_feedforward(
-    mass: float, trajectory: Trajectory, samples: int, period: float, ahead: float
-) -> F64:
-    """Mass [kg] times demanded acceleration, at the same instants [N], shape (samples,)."""
-    time = np.asarray(np.arange(1, samples + 1) * period + ahead, np.float64)
-    result: F64 = mass * trajectory.sample(time)[2]
-    return result

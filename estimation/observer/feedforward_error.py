@@ -31,11 +31,12 @@ EXPLAINED = 0.25
 """A figure is fed forward if it leaves at most this share of what later moves lack."""
 SIGNIFICANT = 3.0
 """And if it is so many of its standard deviations more than BIAS: two moves may agree by chance."""
-BIAS = np.array([2e-3, 5e-5, 2e-3])
-"""What moves show that lack nothing: the drive interpolates setpoints and lags by a control tick,
-which the observer's model leaves out."""
+BIAS = np.array([5e-4, 5e-5, 5e-4])
+"""What moves may show that lack nothing: up to 0.05 % of the mass, and 30 us of lead on the virtual
+stage, whose integration step is 20 us early."""
 MOST = np.array([0.3, 1e-3, 0.3])
-"""No more than this is fed forward, either way; also the spread before the first move, 1 sigma."""
+"""What is more than this, either way, is something else: SYNCs off the drive's control ticks look
+like half of the mass. Also the spread before the first move, 1 sigma."""
 _AT_START = np.diag(MOST**-2.0)
 _REST = 5.0
 """Time constants of the rest after a move that are evaluated with it."""
@@ -105,9 +106,9 @@ class FeedforwardErrors:
 class LearnedFeedforward:
     """What is fed forward besides the planned force: recursive least squares over the moves.
 
-    A figure is fed forward once it is certain, and has explained moves that it was not learned
-    from. Cogging, which acts elsewhere on every move, may look like any of them, but like another
-    value each time.
+    A figure is fed forward once it is certain and has explained moves that it was not learned from.
+    Cogging, which acts elsewhere on every move, may look like any of them, but like another value
+    each time.
 
     Attributes:
         value: `MASS`, `LEAD`, `COUPLING`, (3,).
@@ -134,7 +135,8 @@ class LearnedFeedforward:
         self.value = self.value + covariance @ error.information @ (lacked - self.value)
         explains = self._after < EXPLAINED * self._before
         certain = np.abs(self.value) > BIAS + SIGNIFICANT * np.sqrt(covariance.diagonal())
-        self.fed = np.where(explains & certain, np.clip(self.value, -MOST, MOST), 0.0)
+        plausible = np.abs(self.value) <= MOST
+        self.fed = np.where(explains & certain & plausible, self.value, 0.0)
 
 
 def _response(design: Design, length: int) -> F64:

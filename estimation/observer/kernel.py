@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel
 from estimation.observer.filter import READ, predict, take_in
+from estimation.observer.made_when_sampled import made_when_sampled
 from estimation.observer.model import LACK
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
@@ -151,7 +152,7 @@ def step(observers, state, targets, planned, row, periods, doubt, sample, sent):
         if periods > LOST and now.phase == RUNNING:
             now.phase = FRESH
         if now.phase != FAILED:
-            observe(observers, state, a, periods, doubt, sample)
+            observe(observers, state, a, periods, doubt, sample, targets[row, a])
         unit = observers.axes[a].unit
         wanted = planned[row, a] + now.correction / unit + now.carried
         sent[a] = within_integer16(wanted)
@@ -169,10 +170,10 @@ def within_integer16(value):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def observe(observers, state, a, periods, doubt, sample):  # type: ignore[no-untyped-def]
+def observe(observers, state, a, periods, doubt, sample, coming):  # type: ignore[no-untyped-def]
     """Take in the sample of axis `a`, predict to the next SYNC, move the correction.
 
-    Arguments as those of `step`.
+    `coming` is the next setpoint; other arguments as those of `step`.
     """
     own, now = observers.axes[a], state.axes[a]
     estimate, covariance = state.estimate[a], state.covariance[a]
@@ -183,7 +184,8 @@ def observe(observers, state, a, periods, doubt, sample):  # type: ignore[no-unt
     if begins and not valid:
         return
     going = now.target - now.target_before
-    deviation = (position - (now.target_before + own.first_tick * going)) * own.increment
+    made = made_when_sampled(going, coming - now.target, own.first_tick)
+    deviation = (position - now.target_before - made) * own.increment
     saturated = valid and abs(force) >= own.saturation
     stale = position == now.position and force == now.force and abs(going) > STALE
     off = doubt**2

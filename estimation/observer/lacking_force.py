@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel
+from estimation.observer.made_when_sampled import made_when_sampled
 
 F64 = NDArray[np.float64]
 
@@ -130,8 +131,9 @@ def _columns(demand, position, correction, across, figures, end):  # type: ignor
         before[k], other[k] = demand[max(k - 1, 0)], across[max(k - 1, 0)]
         if k > 0 and demand[k] != demand[k - 1] and k + 1 < end:
             sliding[k + 1] = 1.0
-        # The drive has gone the first tick's share of the way when the position is sampled.
-        deviated += position[k] - (before[k] + figures.first_tick * (demand[k] - before[k]))
+        coming = demand[min(k + 1, end - 1)] - demand[k]
+        made = made_when_sampled(demand[k] - before[k], coming, figures.first_tick)
+        deviated += position[k] - before[k] - made
         integrator[k] = -figures.integral_gain * period * deviated
     path, other = _seen(before, figures.response), _seen(other, figures.response)
     sliding = _seen(sliding, figures.response)

@@ -42,12 +42,13 @@ def sticks(design: Design, position: F64, force: F64, still: Flags) -> bool:
         return False
     shape = (blocks, span)
     rest = still[-blocks * span :].reshape(shape).all(axis=1)
-    changed = np.ptp(force[-blocks * span :].reshape(shape), axis=1)
-    moved = np.ptp(position[-blocks * span :].reshape(shape), axis=1)
+    if not rest.any():
+        return False
+    changed = np.ptp(force[-blocks * span :].reshape(shape)[rest], axis=1)
+    moved = np.ptp(position[-blocks * span :].reshape(shape)[rest], axis=1)
     moved = moved + own.noise  # a coarse encoder does not show small motions
     spring = own.drive.kp + own.carriage.stiffness
-    found = rest & (changed > LEAST_FORCE * own.coulomb) & (changed > STIFFER * spring * moved)
-    return bool(found.any())
+    return bool(np.any(changed > np.maximum(LEAST_FORCE * own.coulomb, STIFFER * spring * moved)))
 
 
 def without_presliding(design: Design) -> Design:

@@ -17,7 +17,7 @@ from estimation.known_effects import known_figures
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
-from estimation.sampled_force import kink_share, with_mean_force
+from estimation.sampled_force import kink_share, modelled_friction, with_mean_force
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import kink_delay
 from stagectl.config.settings.known_effects import axis_as_known, known_terms
@@ -151,7 +151,8 @@ def around_syncs(
     state = FrictionState.relaxed(count_states(friction), float(piece.position[0]))
     share = kink_share(period, kink_delay(axis.drive))
     commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
-    level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)
+    modelled = modelled_friction(move, friction, state, period)
+    level = with_mean_force(move, share, modelled, axis.drive.peak_force, commanded)
     return replace(piece, force=level.force)
 
 

@@ -1,4 +1,5 @@
-from .compensation.axis_compensation import TAKE_OVER, AxisCompensation, make_compensation
+from .compensation.all_axes import make_compensation
+from .compensation.axis_compensation import TAKE_OVER, AxisCompensation
 from .compensation.fresh_places import FreshPlaces
 from .compensation.mode import Figures, Mode
 from .compensation.observed_offsets import ObservedOffsets

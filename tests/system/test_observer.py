@@ -74,7 +74,7 @@ def test_effects_that_the_host_does_not_know(run, machine):
 
 
 LACKING = {
-    "payload_mass": ({"mass": 0.72}, "acceleration takes 8.8 %", "mass", 8),
+    "payload_mass": ({"mass": 0.72}, "acceleration takes 9.0 %", "mass", 8),
     "dead_time": ({"delay": 5e-4}, "force acts 0.4", "lead", 20),
     "cross_coupling": ({"mass": 0.26}, "the other axis' acceleration acts on 3.", "coupling", 20),
 }

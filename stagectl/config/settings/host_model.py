@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from estimation.noise import encoder_noise, quantisation
+from estimation.observer import DriveLoop
 from estimation.online import FIGURES, BeliefSettings, EstimatorSettings
 from stagectl.config.machine import Axis, Drive
 
@@ -27,9 +28,25 @@ RATE_DRIFT = 0.01
 """Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
 
 
+def current_lag(drive: Drive) -> float:
+    """Time constant of a drive's current loop [s]."""
+    return 1.0 / (2.0 * math.pi * drive.current_bandwidth)
+
+
 def kink_delay(drive: Drive) -> float:
     """Delay from a sample to the kink of a drive's force [s], see `estimation.sampled_force`."""
-    return 1.0 / (2.0 * math.pi * drive.current_bandwidth) - drive.control_period / 2.0
+    return current_lag(drive) - drive.control_period / 2.0
+
+
+def drive_loop(drive: Drive) -> DriveLoop | None:
+    """The drive's position loop; None where it is a cascade."""
+    if drive.pid is None:
+        return None
+    return DriveLoop(
+        **drive.pid.model_dump(),
+        current_bandwidth=drive.current_bandwidth,
+        control_period=drive.control_period,
+    )
 
 
 def estimator_settings(

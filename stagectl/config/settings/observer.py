@@ -11,12 +11,12 @@ from estimation.observer import (
     BusUnits,
     Carriage,
     Design,
-    DriveLoop,
     Mode,
     StageObserver,
     design_observer,
 )
 from stagectl.config.machine import Axis, Effect, Machine
+from stagectl.config.settings.host_model import drive_loop
 from stagectl.config.settings.package_settings import stage_settings
 from stagedata import FrictionFigures
 
@@ -37,14 +37,11 @@ def observer_figures(axis: Axis, friction: FrictionFigures, period: float) -> Ax
     if axis.observer == "none":
         return "switched off in the machine file"
     drive = axis.drive
-    if drive.pid is None:
+    loop = drive_loop(drive)
+    if loop is None:
         return "the drive's loops are a cascade, of which the observer has no model"
     figures = AxisFigures(
-        DriveLoop(
-            **drive.pid.model_dump(),
-            current_bandwidth=drive.current_bandwidth,
-            control_period=drive.control_period,
-        ),
+        loop,
         Carriage(axis.plant.mass, friction.stiffness, friction.viscous),
         friction.coulomb,
         encoder_noise(axis.encoder.noise, axis.encoder.increment),

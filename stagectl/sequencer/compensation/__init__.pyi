@@ -1,10 +1,5 @@
-from .axis_compensation import (
-    TAKE_OVER,
-    AxisCompensation,
-    Learned,
-    compile_kernels,
-    make_compensation,
-)
+from .all_axes import compile_kernels, make_compensation
+from .axis_compensation import TAKE_OVER, AxisCompensation, Learned
 from .fresh_places import FreshPlaces
 from .known_axis import KnownAxis
 from .mode import Figures, Mode

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import mass_feedforward
+from estimation.acceleration_feedforward import mass_feedforward
 from estimation.observer import (
     COUPLING,
     LEAD,
@@ -32,12 +32,13 @@ class AccelerationForce:
 
     Args:
         mass: moved, by the machine file [kg].
-        ahead: how much earlier than its effect a force is to be sent, by the machine file [s].
+        delay: from a force offset to its effect, by the machine file, without the current loop's
+            lag [s].
         period: Ts [s].
     """
 
-    def __init__(self, mass: float, ahead: float, period: float) -> None:
-        self._mass, self._ahead, self._period = mass, ahead, period
+    def __init__(self, mass: float, delay: float, period: float) -> None:
+        self._mass, self._delay, self._period = mass, delay, period
         self._learned = LearnedFeedforward()
         self._errors: FeedforwardErrors | None = None
 
@@ -48,8 +49,8 @@ class AccelerationForce:
 
     @property
     def ahead(self) -> float:
-        """How much earlier than its effect a force is sent [s]."""
-        return max(self._ahead + float(self._learned.fed[LEAD]), 0.0)
+        """How much earlier than its effect a force is sent, besides the current loop's lag [s]."""
+        return self._delay + float(self._learned.fed[LEAD])
 
     @property
     def learned(self) -> LearnedFeedforward:

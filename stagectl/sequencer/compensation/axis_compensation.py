@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimation.acceleration_feedforward import against_lag, chord_force
 from estimation.friction import (
     F64,
     FrictionState,
@@ -28,19 +29,24 @@ from estimation.friction import (
     state_after,
     varying_feedforward,
 )
-from estimation.known_effects import KnownTerms, known_figures
+from estimation.known_effects import KnownTerms
 from estimation.low_speed_friction import LowSpeedFriction
 from estimation.move import MoveData
 from estimation.observer import Design
 from estimation.online import Estimate, SplitHorizonEstimator
-from estimation.sampled_force import kink_share, with_mean_force
-from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.machine import Axis, Machine
-from stagectl.config.settings.host_model import estimator_settings, kink_delay
-from stagectl.config.settings.known_effects import axis_as_known, known_terms
+from estimation.sampled_force import kink_share, modelled_friction, with_mean_force
+from estimation.trajectory import Trajectory
+from stagectl.config.machine import Axis
+from stagectl.config.settings.host_model import (
+    current_lag,
+    drive_loop,
+    estimator_settings,
+    kink_delay,
+)
+from stagectl.config.settings.known_effects import axis_as_known
 from stagectl.sequencer.compensation.acceleration_force import AccelerationForce
 from stagectl.sequencer.compensation.known_axis import KnownAxis
-from stagectl.sequencer.compensation.mode import Figures, Mode
+from stagectl.sequencer.compensation.mode import Mode
 from stagectl.sequencer.compensation.sticking import Sticking
 from stagedata import FrictionFigures
 
@@ -119,9 +125,10 @@ class AxisCompensation:
         )
         self._period = period
         drive = axis.drive
-        lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
-        ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
-        self.acceleration = AccelerationForce(axis.plant.mass, ahead, period)
+        self._loop = drive_loop(drive)
+        self._lag = current_lag(drive)
+        delay = drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
+        self.acceleration = AccelerationForce(axis.plant.mass, delay, period)
         self.low_speed = LowSpeedFriction(friction.coulomb, period)
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state before a move to another Coulomb force, with forces as they are there.
@@ -131,7 +138,7 @@ class AxisCompensation:
             lead = period - drive.control_period
             self.known = KnownAxis(
                 terms, number, axis.plant.mass, axis.plant.friction.figures,
-                period, lead, ahead, drive.peak_force,
+                period, lead, delay, drive.peak_force,
             )  # fmt: skip
 
     def observe(self, design: Design, redesign: Callable[[Design], object]) -> None:
@@ -179,10 +186,29 @@ class AxisCompensation:
             across: demand of the other axis.
         """
         force = self._learned_force(trajectory, across, samples)
-        ahead = self.acceleration.ahead
-        if self.mode is Mode.NONE:
-            return rest_offset + force
-        known = self.known
+        if self.mode is not Mode.NONE:
+            force = self._with_friction(force, trajectory, moment, position, rest_force, variation)
+        force = self._as_sent(force, trajectory)
+        if self.mode is not Mode.NONE and trajectory.duration >= TAKE_OVER and not self.observed:
+            share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
+            share = np.clip(share, 0.0, 1.0)
+            force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
+        return rest_offset + force
+
+    def _with_friction(
+        self,
+        force: F64,
+        trajectory: Trajectory,
+        moment: float,
+        position: float,
+        rest_force: float,
+        variation: F64 | None,
+    ) -> F64:
+        """Force for the acceleration with friction and known effects, from the state at rest.
+
+        Arguments as of `force_offsets`.
+        """
+        known, samples, ahead = self.known, len(force), self.acceleration.ahead
         held = rest_force if known is None else known.friction_at_rest(rest_force, position)
         state = self.estimator.at_rest(position, held, moment)
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
@@ -193,13 +219,7 @@ class AxisCompensation:
             force += varying_feedforward(
                 friction, departure, variation, trajectory, self._period, ahead
             )
-        if known is not None:
-            force = known.offsets(held, force)
-        if trajectory.duration >= TAKE_OVER and not self.observed:
-            share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
-            share = np.clip(share, 0.0, 1.0)
-            force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
-        return rest_offset + force
+        return force if known is None else known.offsets(held, force)
 
     def revision_time(self, trajectory: Trajectory) -> float:
         """When to call `revise_offsets`, from the start of the move [s]; infinite for never."""
@@ -231,7 +251,10 @@ class AxisCompensation:
         Returns:
             Offsets of the whole move, shape (samples,) [N]; None where the model holds.
         """
-        preview = self.estimator.preview(self.low_speed.without(self._with_mean_force(move)))
+        friction = self._modelled_friction(move, self.estimator.effective(move.time))
+        preview = self.estimator.preview(
+            self.low_speed.without(self._with_mean_force(move, friction))
+        )
         if preview is None or abs(preview.change) < REVISE_FROM:
             return None
         samples = len(offsets)
@@ -250,6 +273,7 @@ class AxisCompensation:
         if self.known is not None:
             now = self.acceleration.mass * trajectory.sample(np.array([sent * self._period]))[2]
             force = self.known.offsets(float(now[0]) + preview.state.total, force, sent)
+        force = self._as_sent(force, trajectory, sent)
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(
@@ -265,8 +289,11 @@ class AxisCompensation:
             offset: in effect when it begins [N].
             acceleration: demanded at that moment [m/s^2].
         """
-        force = self._learned_force(stop, None, samples)
-        return offset - self.acceleration.mass * acceleration + force
+        ahead = self.acceleration.ahead + self._lag
+        time = np.asarray(np.arange(1, samples + 1) * self._period + ahead)
+        _, velocity, planned = stop.sample(time)
+        change = self.acceleration.mass * (planned - acceleration)
+        return np.asarray(offset + change + self.low_speed.force(velocity))
 
     def learn(self, move: MoveData) -> Learned | None:
         """Carry the friction state through a move and, in mode ESTIMATED, learn from it.
@@ -283,10 +310,11 @@ class AxisCompensation:
         if self.mode is Mode.NONE:
             return None
         begin = time.perf_counter()
-        move = self._with_mean_force(move)
-        if self.mode is Mode.ESTIMATED and self.estimator.state is not None:
-            friction = self.estimator.effective(move.time)
-            if self.low_speed.learn_from(move, friction, self.estimator.state):
+        model = self.estimator.effective(move.time)
+        friction = self._modelled_friction(move, model)
+        move = self._with_mean_force(move, friction)
+        if self.mode is Mode.ESTIMATED and friction is not None:
+            if self.low_speed.learn_from(move, friction, model.coulomb):
                 self.estimator.doubt()  # what was learned before did not know of it
         estimate = self.estimator.update(self.low_speed.without(move))
         spent = time.perf_counter() - begin
@@ -406,91 +434,21 @@ class AxisCompensation:
             force = force + self.low_speed.force(trajectory.sample(time)[1])
         return force
 
-    def _with_mean_force(self, move: MoveData) -> MoveData:
-        estimator = self.estimator
-        return with_mean_force(
-            move, self._kink, estimator.effective(move.time), estimator.state, self._period,
-            estimator.settings.peak_force,
-        )  # fmt: skip
+    def _as_sent(self, force: F64, trajectory: Trajectory, sent: int = 0) -> F64:
+        """Change of the force offset since setpoint `sent` that brings about that of a force [N].
 
+        Against the current loop's lag, and without what the position loop adds by itself.
+        """
+        force = against_lag(force, self._lag, self._period, moving=sent > 0)
+        if self._loop is None:
+            return force
+        added = chord_force(self._loop, trajectory, sent + len(force), self._period)
+        return np.asarray(force - added[sent:] + (added[sent - 1] if sent else 0.0))
 
-def make_compensation(
-    machine: Machine,
-    mode: Mode,
-    scale: float = 1.0,
-    truth: Machine | None = None,
-    known: Mapping[str, Figures] | None = None,
-    drift: Mapping[str, Mapping[str, float]] | None = None,
-    mapped: bool = False,
-    calibration: bool = False,
-) -> tuple[AxisCompensation, ...]:
-    """Compensation of every axis in the machine's order, its kernels compiled.
+    def _modelled_friction(self, move: MoveData, model: FrictionFigures) -> F64 | None:
+        """Friction force of a model at a move's samples; None where the state is not known."""
+        state = self.estimator.state
+        return None if state is None else modelled_friction(move, model, state, self._period)
 
-    Args:
-        machine: the host's model of the stage.
-        mode: what the offsets consist of.
-        scale: factor on the machine file's friction figures; those of `truth` are not scaled.
-        truth: machine whose friction figures to use in mode ORACLE.
-        known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
-        drift: axis -> drift as in `AxisCompensation`; None without a friction map.
-        mapped: whether the Coulomb force over place and time has been or is being measured; effects
-            that change it are then not compensated separately.
-        calibration: as in `AxisCompensation`.
-    """
-    source = truth if mode is Mode.ORACLE and truth is not None else machine
-    scale = scale if source is machine else 1.0
-    terms = {} if mode is Mode.NONE else known_terms(machine, mapped)
-    of_figures = terms if source is machine else known_terms(source)
-    made = []
-    for number, (name, axis) in enumerate(machine.axes.items()):
-        figures = source.axes[name].plant.friction.figures.scaled(scale)
-        if name in of_figures:
-            figures = known_figures(of_figures[name], figures)
-        made.append(
-            AxisCompensation(
-                axis,
-                figures,
-                mode,
-                machine.bus.sync_period,
-                None if drift is None else drift.get(name, {}),
-                terms.get(name),
-                number,
-                calibration,
-            )
-        )
-    if mode is Mode.ESTIMATED and known is not None:
-        for name, compensation in zip(machine.axes, made, strict=True):
-            if name in known:
-                compensation.estimator.believe(known[name])
-    for compensation in made:
-        if compensation.known is not None:
-            compensation.known.compile_kernels()
-    compile_kernels(machine, estimator=True)
-    return tuple(made)
-
-
-def compile_kernels(machine: Machine, estimator: bool) -> None:
-    """Compile, or load from the cache, what moves need, before anything moves.
-
-    Args:
-        machine: the host's.
-        estimator: the estimator's kernels, first of all, and not only those of the feedforward.
-    """
-    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
-        _compile_kernels(axis, machine.bus.sync_period, estimator)
-
-
-def _compile_kernels(axis: Axis, period: float, estimator: bool) -> None:
-    """Run the compiled kernels once on a throw-away axis."""
-    compensation = AxisCompensation(axis, axis.plant.friction.figures, Mode.ESTIMATED, period)
-    limits = axis.limits
-    motion = plan(
-        0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
-    )
-    samples = math.ceil(motion.duration / period) + 20
-    position = motion.sample(np.asarray(np.arange(samples) * period, np.float64))[0]
-    force, valid = np.zeros(samples), np.ones(samples, dtype=np.bool_)
-    for start in (0.0, 1.0, 2.0):
-        if estimator:
-            compensation.learn(MoveData(position, force, valid, start, 0.0))
-        force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
+    def _with_mean_force(self, move: MoveData, friction: F64 | None) -> MoveData:
+        return with_mean_force(move, self._kink, friction, self.estimator.settings.peak_force)

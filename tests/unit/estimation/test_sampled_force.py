@@ -7,11 +7,10 @@ import pytest
 
 from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
-from estimation.sampled_force import kink_share, with_mean_force
+from estimation.sampled_force import kink_share, modelled_friction, with_mean_force
 from stagedata import FrictionFigures
 
 TS, MASS, FINE = 1e-3, 8.0, 200
-FREE = FrictionFigures(4, 1e-9, 0.0, 1e-9, 100.0, 0.4, 2e-3, 1.0)
 
 
 def sampled(force_at):
@@ -36,7 +35,7 @@ def test_an_interpolated_force_is_level_with_the_acceleration(tip):
     knots = np.random.default_rng(1).normal(0.0, 10.0, 62)
     move = sampled(lambda t: np.interp(t, TS * np.arange(-1, 61) + tip, knots))
     share = kink_share(TS, tip)
-    after = with_mean_force(move, share, FREE, None, TS, np.inf)
+    after = with_mean_force(move, share, None, np.inf)
     plain, mean = residual(move), residual(after)
     assert np.sqrt(np.mean(mean**2)) < (0.002 if tip == 0.0 else 0.1) * np.sqrt(np.mean(plain**2))
 
@@ -49,7 +48,8 @@ def test_friction_is_taken_for_smooth():
     friction, _ = follow(model, FrictionState.relaxed(4, 0.0), position, path, TS)
     move = MoveData(position, friction, np.ones(60, dtype=bool), 0.0, 0.0)
     state = FrictionState.relaxed(4, 0.0)
-    after = with_mean_force(move, 1.0 / 6.0, model, state, TS, np.inf)
+    modelled = modelled_friction(move, model, state, TS)
+    after = with_mean_force(move, 1.0 / 6.0, modelled, np.inf)
     bend = np.diff(friction, 2)
     np.testing.assert_allclose(after.force[1:-1], friction[1:-1] + bend / 12.0, atol=1e-9)
     assert not state.slipping.any()  # the state is as it was
@@ -63,7 +63,7 @@ def test_what_has_no_neighbours_stays_as_sampled():
     disturbed = np.zeros(60, dtype=bool)
     disturbed[30] = True
     move = MoveData(move.position, move.force, move.valid, 0.0, 0.0, disturbed)
-    after = with_mean_force(move, 1.0 / 6.0, FREE, None, TS, 120.0)
+    after = with_mean_force(move, 1.0 / 6.0, None, 120.0)
     same = np.flatnonzero(after.force == move.force)
     assert set(same) == {0, 9, 10, 11, 19, 20, 21, 29, 30, 31, 59}
 
@@ -81,7 +81,7 @@ def test_commanded_and_feedback_force_each_get_their_own_mean():
 
     move = sampled(lambda t: smooth(t) + commanded(t))
     offset = commanded(TS * np.arange(60))
-    separate = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf, offset)
-    together = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf)
+    separate = with_mean_force(move, kink_share(TS, 0.0), None, np.inf, offset)
+    together = with_mean_force(move, kink_share(TS, 0.0), None, np.inf)
     off, other = np.std(residual(separate)), np.std(residual(together))
     assert off < 0.1 * other

@@ -1,4 +1,4 @@
-"""Feedforward from the friction state: continuity, timing, and what it does in closed loop."""
+"""Feedforward from the friction state: continuity and timing."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,9 @@ import pytest
 from estimation.friction import FrictionState, follow
 from estimation.friction.feedforward import (
     friction_feedforward,
-    mass_feedforward,
     remaining_feedforward,
 )
 from estimation.trajectory import Limits, plan
-from hil_sim.plant import simulate
-from stagectl.config import load_machine, stage_settings
 from stagedata import FrictionFigures
 
 TS = 1e-3
@@ -28,39 +25,6 @@ def test_it_starts_without_a_jump_and_does_not_touch_the_state():
     np.testing.assert_array_equal(state.forces, before)
     # After the slide: Coulomb force of this direction, over what there was.
     assert force[-1] == pytest.approx(4.0 + 6.6, abs=0.7)
-
-
-def test_mass_part_is_evaluated_ahead():
-    force = mass_feedforward(8.0, MOVE, 10, TS, 0.5e-3)
-    time = np.arange(1, 11) * TS + 0.5e-3
-    np.testing.assert_allclose(force, 8.0 * 200.0 * time, rtol=1e-9)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_it_removes_the_following_error_in_closed_loop(sign):
-    from dataclasses import replace
-
-    stage = stage_settings(load_machine())
-    x = stage.axes[0]
-    quiet = replace(stage, axes=(replace(x, noise=0.0, wander=0.0),))
-    motion = plan(0.0, sign * 25e-3, Limits(0.5, 3.0, 200.0))
-    rows = 400
-    demand = np.concatenate([[0.0], motion.sample(np.arange(1, rows) * TS)[0]])
-    mass = np.concatenate([[0.0], mass_feedforward(8.0, motion, rows - 1, TS, 0.156e-3)])
-    friction = np.concatenate(
-        [
-            [0.0],
-            friction_feedforward(TRUE, FrictionState.relaxed(10), motion, rows - 1, TS, 0.156e-3),
-        ]
-    )
-    aligned = demand.copy()
-    aligned[1:] = demand[:-1] + 0.1 * np.diff(demand)
-
-    def peak(offset):
-        response = simulate(quiet, demand[:, None], offset[:, None], None)
-        return np.abs(aligned - response.position[:, 0]).max()
-
-    assert peak(mass + friction) < 0.05 * peak(mass)
 
 
 def test_the_rest_of_a_move_is_the_same_from_the_middle():

@@ -113,7 +113,7 @@ def test_samples_off_their_instant_count_only_at_rest(doubt: float, arrival: int
                 for row in range(6):
                     at = round(max(row - 0.9, 0.0) * speed) + position * (row > 2)
                     now = off and row > 2
-                    made.sample[0] = (at, row, 1, arrival * now)
+                    made.sample[0] = (at, row, row > 0, arrival * now)  # it was moving before
                     made.offsets(row, 1, doubt * now)
                 found.append(made.correction[0])
             counts[speed, off] = found[1] - found[0]
@@ -151,8 +151,8 @@ def test_stale_samples_do_not_count_in_motion() -> None:
     made = observer()
     targets = np.arange(1, 201, dtype=np.int64)[:, None] * 1000
     made.begin(targets, np.zeros((200, 1)), [0], True)
-    for row in range(1, 20):
-        made.sample[0] = (0, 7, 1, 0)
+    for row in range(20):
+        made.sample[0] = (0, 7, row > 0, 0)
         made.offsets(row, 1, 0.0)
     assert abs(made.correction[0]) < 1.0  # 20 um behind, if it were true
 

@@ -1,0 +1,98 @@
+"""The compensation of every axis of a machine, its kernels compiled before anything moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from estimation.known_effects import known_figures
+from estimation.move import MoveData
+from estimation.trajectory import Limits, plan
+from stagectl.config.machine import Axis, Machine
+from stagectl.config.settings.known_effects import known_terms
+from stagectl.sequencer.compensation.axis_compensation import AxisCompensation
+from stagectl.sequencer.compensation.mode import Figures, Mode
+
+
+def make_compensation(
+    machine: Machine,
+    mode: Mode,
+    scale: float = 1.0,
+    truth: Machine | None = None,
+    known: Mapping[str, Figures] | None = None,
+    drift: Mapping[str, Mapping[str, float]] | None = None,
+    mapped: bool = False,
+    calibration: bool = False,
+) -> tuple[AxisCompensation, ...]:
+    """Compensation of every axis in the machine's order, its kernels compiled.
+
+    Args:
+        machine: the host's model of the stage.
+        mode: what the offsets consist of.
+        scale: factor on the machine file's friction figures; those of `truth` are not scaled.
+        truth: machine whose friction figures to use in mode ORACLE.
+        known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
+        drift: axis -> drift as in `AxisCompensation`; None without a friction map.
+        mapped: whether the Coulomb force over place and time has been or is being measured; effects
+            that change it are then not compensated separately.
+        calibration: as in `AxisCompensation`.
+    """
+    source = truth if mode is Mode.ORACLE and truth is not None else machine
+    scale = scale if source is machine else 1.0
+    terms = {} if mode is Mode.NONE else known_terms(machine, mapped)
+    of_figures = terms if source is machine else known_terms(source)
+    made = []
+    for number, (name, axis) in enumerate(machine.axes.items()):
+        figures = source.axes[name].plant.friction.figures.scaled(scale)
+        if name in of_figures:
+            figures = known_figures(of_figures[name], figures)
+        made.append(
+            AxisCompensation(
+                axis,
+                figures,
+                mode,
+                machine.bus.sync_period,
+                None if drift is None else drift.get(name, {}),
+                terms.get(name),
+                number,
+                calibration,
+            )
+        )
+    if mode is Mode.ESTIMATED and known is not None:
+        for name, compensation in zip(machine.axes, made, strict=True):
+            if name in known:
+                compensation.estimator.believe(known[name])
+    for compensation in made:
+        if compensation.known is not None:
+            compensation.known.compile_kernels()
+    compile_kernels(machine, estimator=True)
+    return tuple(made)
+
+
+def compile_kernels(machine: Machine, estimator: bool) -> None:
+    """Compile, or load from the cache, what moves need, before anything moves.
+
+    Args:
+        machine: the host's.
+        estimator: the estimator's kernels, first of all, and not only those of the feedforward.
+    """
+    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
+        _compile_kernels(axis, machine.bus.sync_period, estimator)
+
+
+def _compile_kernels(axis: Axis, period: float, estimator: bool) -> None:
+    """Run the compiled kernels once on a throw-away axis."""
+    compensation = AxisCompensation(axis, axis.plant.friction.figures, Mode.ESTIMATED, period)
+    limits = axis.limits
+    motion = plan(
+        0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
+    )
+    samples = math.ceil(motion.duration / period) + 20
+    position = motion.sample(np.asarray(np.arange(samples) * period, np.float64))[0]
+    force, valid = np.zeros(samples), np.ones(samples, dtype=np.bool_)
+    for start in (0.0, 1.0, 2.0):
+        if estimator:
+            compensation.learn(MoveData(position, force, valid, start, 0.0))
+        force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
