@@ -21,7 +21,9 @@ from tests.starvation import SHARE, Watch
 
 ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"
-TIME_LIMIT = 400
+TIME_LIMIT = 900
+"""Several times what it takes, for a machine that others use too [s]."""
+TIMED_OUT = 124
 SELECTED = "socketcan and (not nosuchcan9 or scan)"
 """One command on an interface that is not there is enough: each start takes the guest seconds."""
 pytestmark = pytest.mark.real_time(judged=False)
@@ -65,7 +67,7 @@ def compiled(stagectl: Callable[..., subprocess.CompletedProcess[str]], tmp_path
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.timeout(2 * TIME_LIMIT + 60)
+@pytest.mark.timeout(3 * TIME_LIMIT + 60)
 @pytest.mark.usefixtures("compiled")
 def test_bus_suite_and_commands_on_a_vcan(
     way: str, vcan_outcome: Callable[[bool, str], None], tmp_path: Path
@@ -79,7 +81,11 @@ def test_bus_suite_and_commands_on_a_vcan(
         begin = watch.forget()
         done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
         absence = watch.since(begin)
-    assert report.exists(), f"with {way}: {done.stdout}{done.stderr}"
+        again = ""
+        if done.returncode == TIMED_OUT and absence.share > SHARE:
+            again = f", at the second attempt: {absence}"
+            done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
+    assert report.exists(), f"with {way}, status {done.returncode}: {done.stdout}{done.stderr}"
     suite = next(ET.parse(report).getroot().iter("testsuite"))  # noqa: S314  our own pytest's
     tests, skipped, failures, errors = (
         int(suite.get(key, "0")) for key in ("tests", "skipped", "failures", "errors")
@@ -87,7 +93,7 @@ def test_bus_suite_and_commands_on_a_vcan(
     assert tests >= 15, done.stdout
     assert skipped == (0 if os.geteuid() == 0 else 1), done.stdout  # test_bus_away.py takes root
     repeated = re.search(r"(\d+) rerun", done.stdout)
-    again = f", {repeated[1]} of them run again while the guest stood still" if repeated else ""
+    again += f", {repeated[1]} of them run again while the guest stood still" if repeated else ""
     if done.returncode == 1 and absence.share > SHARE:  # the guest's own watch has seen nothing
         first = done.stdout
         done = with_vcan(*command, "--last-failed", PYTEST_ADDOPTS="")
