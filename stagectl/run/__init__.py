@@ -2,8 +2,8 @@
 
 `execution` (the whole of it): `checks` (whether it can begin), `compilation`, `prepare`, `session`
 (the stage from boot to disabling, with `observers`), `record` (its files), `listener` (to whom it
-reports), `run_history` (its estimates), `summarise` and `documents` (from the recording), `retries`
-(after a fault), `resume` (an interrupted run), `listing`, `replay` (a run again, on its bus log).
+reports), `run_history` (its estimates), `retries` (after a fault), `recorded` (from its files:
+summary, page, list, where to resume), `replay` (a run again, on its bus log).
 
 Its names, in `__init__.pyi`, are imported on first use: a dry run needs neither kernels nor HDF5.
 """

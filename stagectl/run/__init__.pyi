@@ -1,10 +1,10 @@
 from .checks import Checked, Substitutes, check, start_time
-from .documents import document_paths, is_calibration, rewrite_documents
 from .execution import execute
 from .listener import Listener
-from .listing import ListedRun, list_runs
+from .recorded.documents import document_paths, is_calibration, rewrite_documents
+from .recorded.listing import ListedRun, list_runs
+from .recorded.resume import load_interrupted
 from .request import Resumed, RunRequest, RunResult
-from .resume import load_interrupted
 from .run_history import RunHistory, software_version
 
 __all__ = [

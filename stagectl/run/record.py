@@ -27,10 +27,10 @@ from stagectl.history import (
     open_history,
 )
 from stagectl.maps import ActiveMap, take_snapshot
-from stagectl.run.documents import write_documents
+from stagectl.run.recorded.documents import write_documents
+from stagectl.run.recorded.summarise import UNITS, site_verdicts
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.run_history import RunHistory, run_entry
-from stagectl.run.summarise import UNITS, site_verdicts
 from stagectl.sequencer import (
     Event,
     FrictionUpdated,

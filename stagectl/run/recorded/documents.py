@@ -12,7 +12,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.report import write_report
-from stagectl.run.summarise import run_note, summarise
+from stagectl.run.recorded.summarise import run_note, summarise
 from stagectl.store import (
     RECORDING_NAME,
     CycleLedger,

@@ -13,8 +13,8 @@ from typing import Any
 from stagectl.config.machine import Machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import SiteLimits
+from stagectl.run.recorded.resume_command import resume_command
 from stagectl.run.request import Resumed
-from stagectl.run.resume_command import resume_command
 from stagectl.sequencer import SiteVerdict, judge
 from stagectl.store import (
     CycleLedger,

@@ -10,8 +10,8 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
-from stagectl.run.documents import read_run
-from stagectl.run.summarise import run_note, site_verdicts, summarise
+from stagectl.run.recorded.documents import read_run
+from stagectl.run.recorded.summarise import run_note, site_verdicts, summarise
 from stagectl.sequencer import Mode, SegmentDone, SiteVerdict
 from tests.short_recipe import short_recipe
 

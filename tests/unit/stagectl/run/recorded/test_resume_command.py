@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from stagectl.config import load_machine, parse_machine
-from stagectl.run.resume_command import resume_command
+from stagectl.run.recorded.resume_command import resume_command
 
 PACKAGED = "wafer-xy.yaml (packaged)"
 BESIDE = str(Path("runs/stage.db").absolute())

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.run.summarise import run_note
+from stagectl.run.recorded.summarise import run_note
 from stagectl.store import (
     FILE_NAME,
     RECORDING_NAME,

@@ -16,9 +16,9 @@ from typing import Any
 
 from stagectl.errors import UnusableInput
 from stagectl.recipe import Recipe
-from stagectl.run.documents import read_run, rewrite_documents
+from stagectl.run.recorded.documents import read_run, rewrite_documents
+from stagectl.run.recorded.summarise import site_verdicts, summarise
 from stagectl.run.request import Resumed
-from stagectl.run.summarise import site_verdicts, summarise
 from stagectl.sequencer import Figures
 from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
 
