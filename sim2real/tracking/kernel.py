@@ -38,6 +38,9 @@ while the force is rounded to 18 mN of standard deviation."""
 _DERIVATIVE_SHARE = 0.4
 """Share of the derivative gain that a velocity error excites within one SYNC period; used for the
 covariance only."""
+_CREEP, _HELD = 1e-4, 0.3
+"""Standard deviations of what is not known where a recording begins: of the velocity [m/s], and of
+the friction force, in Coulomb forces."""
 _POSITION_NOISE, _VELOCITY_NOISE = 1e-22, 1e-15
 """Process noise per SYNC period [m^2, m^2/s^2]: it keeps the covariance positive."""
 
@@ -153,7 +156,11 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
     quiet = np.zeros((axes, 2, 0))
     slipped = np.zeros(axes)
     friction = np.zeros(axes)
+    samples = np.zeros(axes, dtype=np.int64)
     for a in range(axes):
+        covariance[a, 0, 0] = deviations.position[a] ** 2
+        covariance[a, 1, 1] = _CREEP**2
+        covariance[a, 2, 2] = (_HELD * m.plant[a].coulomb) ** 2
         covariance[a, 4, 4] = deviations.wander[a] ** 2
     for k in range(recorded.demand.shape[0]):
         for a in range(axes):
@@ -170,9 +177,14 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
                 _correct(m, a, innovation, filter_arrays.gain[k, a], slipped[a])
                 s.encoder = recorded.position[k, a]
                 # Positions between SYNCs are not logged: the integral of the loop drifts off.
-                excess = (recorded.force[k, a] - s.motor_force) / deviations.force[a]
-                clipped = min(max(excess, -_MAX_SIGMAS), _MAX_SIGMAS)
-                m.loop[a].integral += _INTEGRAL * deviations.force[a] * clipped
+                # At first it is not known: it is the mean of what the force shows.
+                excess = recorded.force[k, a] - s.motor_force
+                if samples[a] * _INTEGRAL > 1.0:
+                    most = _MAX_SIGMAS * deviations.force[a]
+                    m.loop[a].integral += _INTEGRAL * min(max(excess, -most), most)
+                elif samples[a] > 0:
+                    m.loop[a].integral += excess / samples[a]
+                samples[a] += 1
             tracked.x[k, a] = s.position
             tracked.v[k, a] = s.velocity
             tracked.level[k, a] = s.wander

@@ -252,15 +252,15 @@ class Tracker:
         )
         count, period = len(recorded.demand), stage.sync_period
         steps = self._steps(stage_substeps[0])
-        arrays = Arrays(
-            stage, recorded.demand[0].tolist(), count * period, steps, fine=stage_substeps
-        )
+        start = np.where(recorded.valid[0], recorded.position[0], recorded.demand[0])
+        arrays = Arrays(stage, start.tolist(), count * period, steps, fine=stage_substeps)
         for name in ("offset", "from_force", "to_force"):
             arrays.loop[name] = recorded.offset[0]
         arrays.loop["powered"] = True
         for a, axis in enumerate(axes):
             if held := self._replay.rest_force[columns[a]]:
                 arrays.balance(a, held, axis)
+        _begin(arrays, recorded, period)
         logged = self._replay.steps
         noise = [
             math.hypot(o.noise, logged[o.name].get("position", o.increment) / math.sqrt(12.0))
@@ -299,6 +299,19 @@ class Tracker:
             motor=motor,
             level=run.out["level"][:, at],
         )
+
+
+def _begin(arrays: Arrays, recorded: Recorded, period: float) -> None:
+    """Begin where the recording does: with its error and, by the next sample, its velocity."""
+    for name in ("demand", "from_position", "to_position", "last_demand"):
+        arrays.loop[name] = recorded.demand[0]
+    known = recorded.valid[:2].all(axis=0)
+    moved = np.where(known, recorded.position[1] - recorded.position[0], 0.0)
+    demanded = np.where(known, recorded.demand[1] - recorded.demand[0], 0.0)
+    arrays.state["velocity"] = moved / period
+    arrays.loop["derivative"] = (demanded - moved) / period
+    first = recorded.demand[0] - recorded.position[0]
+    arrays.loop["last_error"] = np.where(recorded.valid[0], first, 0.0)
 
 
 def force_deviation(axis: AxisSettings, step: float | None = None) -> float:

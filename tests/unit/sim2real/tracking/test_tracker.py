@@ -65,3 +65,40 @@ def test_long_control_periods_are_simulated_in_the_references_steps(
     )
     assert settings.quick_substeps == 1
     assert slow.quick_substeps == SUBSTEPS
+
+
+def test_a_recording_may_begin_where_the_axis_still_creeps(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """What integrator and friction hold there, no sample says."""
+    recording = stage_with(nominal, 5, x={"force_offset": {"force": 1.5}})
+    model = problem_of(recording, nominal[1]).start.added(Term(library()["force_offset"], (1.5,)))
+
+    def share_of_noise(recording: Recording) -> float:
+        problem = problem_of(recording, nominal[1])
+        problem.retune(model)
+        return problem.cost(model, problem.residual(model)) / problem.expected_cost()
+
+    still = np.diff(recording.axes["x"].position_demand) == 0.0
+    arrived = np.flatnonzero(~still[:-1] & still[1:]) + 2
+    error = recording.axes["x"].position_demand - recording.axes["x"].position_actual
+    far_off = arrived[np.abs(error[arrived]) > 1e-6][:3]
+    assert len(far_off) == 3
+    for begin in far_off:
+        assert share_of_noise(cut(recording, begin)) < 1.5 * share_of_noise(recording)
+
+
+def cut(recording: Recording, begin: int) -> Recording:
+    """The recording from a sample on."""
+    axes = {
+        name: replace(
+            of,
+            position_demand=of.position_demand[begin:],
+            force_offset=of.force_offset[begin:],
+            position_actual=of.position_actual[begin:],
+            force_actual=of.force_actual[begin:],
+            valid=of.valid[begin:],
+        )
+        for name, of in recording.axes.items()
+    }
+    return replace(recording, time=recording.time[begin:], axes=axes, moves=())
