@@ -34,6 +34,11 @@ _SCALE = 2e-4
 """Relative deviation of the logged position's scale from which it is reported."""
 _OFFSET = 5e-6
 """Logged minus demanded position at rest beyond which the log has an offset [m]."""
+_CERTAIN = 5.0
+"""Standard deviations by which scale and offset must differ; a slow loop has not settled when the
+next move begins."""
+_FEWEST = 4
+"""Fewest rests by which scale and offset are judged."""
 _SPREAD = 1e-3
 """Shortest range of the demand at which positions are judged [m]."""
 _FULL = 0.995
@@ -127,17 +132,19 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     if abs(rough + 1.0) < _CLOSE:
         text = f"{axis.name}: position_actual has the wrong sign"
         return [ChannelFinding(axis.name, "position_actual", "sign", -1.0, "1", text=text)]
-    at_rest = valid & (split_phases(demand, period).phase == REST)
-    if at_rest.sum() < 20 or np.ptp(demand[at_rest]) < _SPREAD:
+    resting = valid & (split_phases(demand, period).phase == REST)
+    if resting.sum() < 20 or np.ptp(demand[resting]) < _SPREAD:
         return []
-    slope, offset = np.polyfit(demand[at_rest], actual[at_rest], 1)
+    ends = np.flatnonzero(resting & ~np.append(resting[1:], False))
+    line, (off_scale, off_place) = _line(demand[ends], actual[ends])
+    slope, offset = line
     found = []
-    if abs(slope - 1.0) > _SCALE:
+    if abs(slope - 1.0) > max(_SCALE, _CERTAIN * off_scale):
         text = f"{axis.name}: position_actual is scaled by {slope:.5g}"
         found.append(
             ChannelFinding(axis.name, "position_actual", "scale", float(slope), "1", text=text)
         )
-    if axis.control.ki > 0 and abs(offset) > _OFFSET:
+    if axis.control.ki > 0 and abs(offset) > max(_OFFSET, _CERTAIN * off_place):
         unit_name, shown = unit_on(axis, "m"), f"{offset * 1e6:.3g} {unit_on(axis, 'µm')}"
         text = f"{axis.name}: position_actual is off by {shown}"
         found.append(
@@ -146,6 +153,17 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
             )
         )
     return found
+
+
+def _line(demand: FloatArray, actual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slope and offset of a line, and their standard deviations; infinite for too few points."""
+    columns = np.column_stack((demand, np.ones(len(demand))))
+    if len(demand) < _FEWEST:
+        return np.array([1.0, 0.0]), np.full(2, np.inf)
+    line = np.linalg.lstsq(columns, actual, rcond=None)[0]
+    variance = float(np.square(actual - columns @ line).sum()) / (len(demand) - 2)
+    sigmas = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
+    return np.asarray(line), np.asarray(sigmas)
 
 
 def _names(axis: AxisSettings) -> dict[float, str]:

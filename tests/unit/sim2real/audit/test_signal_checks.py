@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sim2real.audit import audit_channels
+from sim2real.audit.signal_checks import check_position
 from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
 
 
@@ -53,3 +54,26 @@ def test_missed_samples_and_late_stamps_are_no_fault(stage, recorded):
     found = audit_channels(replace(holed, time=late), stage)
     assert [f.finding for f in found.findings if f.channel != "time"] == []
     np.testing.assert_array_equal(np.rint(found.recording.time / 1e-3), np.arange(SAMPLES))
+
+
+def test_a_loop_that_has_not_settled_is_no_scale(stage, recorded):
+    """A slow integrator leaves each rest some micrometres off, to the side that it came from."""
+    signals = recorded.axes["x"]
+    rng = np.random.default_rng(3)
+    rests = rng.uniform(-0.03, 0.03, 25)
+    left = -2e-5 * np.sign(np.diff(rests, prepend=0.0))
+    demand = np.repeat(rests, 40)
+    fading = np.exp(-np.tile(np.arange(40), 25) / 60.0)
+    ramped = np.convolve(np.pad(demand, (3, 3), "edge"), np.ones(7) / 7.0, "valid")
+    actual = ramped + np.repeat(left, 40) * fading
+    axis = stage.axes[0]
+
+    def found(scale: float) -> list[str]:
+        slow = replace(
+            signals, position_demand=ramped, position_actual=scale * actual,
+            valid=np.ones(len(ramped), dtype=bool),
+        )  # fmt: skip
+        return [f.finding for f in check_position(slow, axis, 4e-3)]
+
+    assert found(1.0) == []
+    assert found(1.005) == ["scale"]
