@@ -51,6 +51,9 @@ _CLEARLY, _WHOLE = 0.7, 0.02
 whole lag is the log's (less clear ratios may be due to a moving base); and the distance from a
 whole number of samples that counts as none."""
 _FEWEST = 200
+_AVERAGED = 8e-3
+"""Time over which force and inertia are compared [s]: the second derivative of a coarse encoder's
+position is least noisy half way between two samples, where no lag is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,16 +277,18 @@ def _inertia_remainder(law: ControllerLaw, lag: float) -> float | None:
     """
     at = law.place * law.period - lag
     x, v, a = law.encoder(at), law.encoder(at, 1), law.encoder(at, 2)
-    moving = law.usable & (np.abs(v) > _MOVING)
-    if moving.sum() < _FEWEST:
-        return None
-    x, v, a = x[moving], v[moving], a[moving]
     columns = np.stack(
         (a, v, np.sign(v), np.ones_like(v), np.sign(v) * np.exp(-np.abs(v) / _MOVING),
-         v * np.abs(v), a**3, x, x**2, x**3)
+         v * np.abs(v), a**3, x, x**2, x**3, law.force)
     )  # fmt: skip
+    window = np.ones(max(2, round(_AVERAGED / law.period)))
+    moving = law.usable & (np.abs(v) > _MOVING)
+    throughout = np.convolve(moving, window, "valid") > len(window) - 0.5
+    if throughout.sum() < _FEWEST:
+        return None
+    means = [np.convolve(row, window / len(window), "valid")[throughout] for row in columns]
+    columns, force = np.stack(means[:-1]), means[-1]
     columns /= np.abs(columns).max(axis=1, keepdims=True) + 1e-300
-    force = law.force[moving]
     # Normal equations: the columns are few and scaled, and this is called often.
     found = np.linalg.lstsq(columns @ columns.T, columns @ force, rcond=1e-12)[0]
     return float(np.std(force - found @ columns))

@@ -9,7 +9,8 @@ from scipy.interpolate import CubicSpline
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from sim2real.audit import audit_channels
-from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
+from stagectl.store import read_recording
+from tests.unit.sim2real.audit.conftest import DATA, SAMPLES, single, spoilt
 
 
 def test_setpoints_that_act_a_period_late(stage, recorded):
@@ -64,6 +65,27 @@ def test_the_stages_own_current_loop_is_no_fault_of_a_channel(stage, recorded):
     assert found.findings == ()
     assert found.current_paths["x"].bandwidth == pytest.approx(225, rel=0.01)
     assert found.current_paths["x"].dead_time is None
+
+
+@pytest.mark.parametrize("figure", [{"current_bandwidth": 0.16}, {}])
+def test_nor_is_it_behind_a_coarse_encoder(stage, figure):
+    """Between two samples acceleration is known best, but no force is late for that."""
+    whole = read_recording(DATA / "null-2.h5")
+    coarse = [replace(a, increment=1e-7, noise=5e-8) for a in stage.axes]
+    file = replace(stage, axes=tuple(coarse))
+    effects = () if figure else (library()["dead_time"].at(delay=0.5e-3),)
+    slow = with_control(file, **figure)
+    slow = replace(slow, axes=(replace(slow.axes[0], effects=effects), slow.axes[1]))
+    demand = np.column_stack([a.position_demand for a in whole.axes.values()])
+    offset = np.column_stack([a.force_offset for a in whole.axes.values()])
+    response = simulate(slow, demand, offset, 3)
+    axes = {
+        name: replace(
+            signals, position_actual=response.position[:, a], force_actual=response.force[:, a]
+        )
+        for a, (name, signals) in enumerate(whole.axes.items())
+    }
+    assert audit_channels(replace(whole, axes=axes), file).misleading == ()
 
 
 def test_a_drive_that_runs_into_its_peak_force_is_no_other_controller(stage, recorded):
