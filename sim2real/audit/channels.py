@@ -34,7 +34,7 @@ from sim2real.audit.signal_checks import (
     match_unit,
 )
 from sim2real.axis_units import unit_on
-from sim2real.gap import number_periods, prepare_replay
+from sim2real.gap import number_periods, prepare_replay, run_by_model
 from sim2real.report import ChannelFinding
 from stagedata import Recording
 
@@ -192,20 +192,7 @@ def _expected_remainders(recording: Recording, settings: StageSettings) -> dict[
 
     That run is rounded to the quantisation of the recording.
     """
-    replay = prepare_replay(recording, settings)
-    run = replay.as_logged(replay.run(settings, _SEED))
-    own = replace(
-        recording,
-        axes={
-            name: replace(
-                signals,
-                position_actual=run[name]["position"],
-                force_actual=run[name]["force"],
-            )
-            for name, signals in recording.axes.items()
-        },
-    )
-    replay = prepare_replay(own, settings)
+    replay = run_by_model(prepare_replay(recording, settings), settings, _SEED)
     return {
         axis.name: max(
             fit_hypothesis(reconstruct_law(replay, settings, axis.name)).remainder,

@@ -36,9 +36,10 @@ _SLOW = 8
 """Samples that are averaged to show structure that single ones hide."""
 _EVENTS = 0.03
 """Share of the blocks of samples, the largest, that does not count as structure: breakaways."""
-_WHITE = 0.55
-"""Largest `slow_energy` that counts as white; nominal stages reach 0.5."""
-_NEARLY_WHITE = 0.6
+_SEED = 1
+_WHITE = 1.5
+"""Largest `slow_energy` that counts as white, over that of the model's own run."""
+_NEARLY_WHITE = 1.65
 """The same for the final model, since the stage may take other integration steps."""
 _SIDE_BY_SIDE = 8
 """Models simulated at once: more gain nothing."""
@@ -91,6 +92,8 @@ class AxisProblem:
         self.tracks: tuple[Track, ...] = tuple(track for track, _ in first)
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
         self.outlier = _OUTLIER
+        own = [tracker.of_own_run(_SEED).run(self.axis)[0] for tracker in trackers]
+        self._noise = slow_energy(np.concatenate([track.position[track.valid] for track in own]))
 
     def finer_if_close(self, residual: F64) -> AxisProblem:
         """The problem in the reference's steps, or this one if those could not make it white."""
@@ -230,11 +233,11 @@ class AxisProblem:
 
     def is_white(self, residual: F64) -> bool:
         """Whether what is left looks like noise."""
-        return slow_energy(self.positions(residual)) < _WHITE
+        return slow_energy(self.positions(residual)) < _WHITE * self._noise
 
     def is_nearly_white(self, residual: F64) -> bool:
         """Whether what is left is no more than another integration step may leave."""
-        return slow_energy(self.positions(residual)) < _NEARLY_WHITE
+        return slow_energy(self.positions(residual)) < _NEARLY_WHITE * self._noise
 
     def positions(self, residual: F64) -> F64:
         """The positions' part of weighted deviations."""

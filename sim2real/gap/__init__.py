@@ -18,7 +18,14 @@ from sim2real.gap.measure import (
     pool_gaps,
 )
 from sim2real.gap.quantisation import coarse_steps, quantisation_step, stated_step
-from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
+from sim2real.gap.replay import (
+    Replay,
+    Signals,
+    prepare_replay,
+    rms,
+    run_by_model,
+    subtract_signals,
+)
 from sim2real.gap.sync_grid import match_periods, number_periods
 
 __all__ = [
@@ -43,6 +50,7 @@ __all__ = [
     "prepare_replay",
     "quantisation_step",
     "rms",
+    "run_by_model",
     "stated_step",
     "subtract_signals",
 ]

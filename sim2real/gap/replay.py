@@ -143,6 +143,26 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
     )
 
 
+def run_by_model(replay: Replay, settings: StageSettings, seed: int) -> Replay:
+    """The recording that the model itself would have made of these demands, noise included.
+
+    Args:
+        replay: of the recording.
+        settings: of the model.
+        seed: of encoder noise and friction wander.
+    """
+    run = replay.as_logged(replay.run(settings, seed))
+    axes = {
+        name: replace(
+            signals, position_actual=run[name]["position"], force_actual=run[name]["force"]
+        )
+        for name, signals in replay.recording.axes.items()
+        if name in run
+    }
+    own = replace(replay.recording, axes=axes)
+    return prepare_replay(own, replace(settings, start=replay.start))
+
+
 def _rest_force(signals: AxisSignals, axis: AxisSettings) -> float:
     """Force that holds the axis at the start [N]; 0 where it moves or has no integrator."""
     force = float(signals.force_actual[0])

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant import Arrays
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
-from sim2real.gap import Replay, stated_step
+from sim2real.gap import Replay, run_by_model, stated_step
 from sim2real.tracking.error_states import (
     STATES,
     Gains,
@@ -146,6 +146,11 @@ class Tracker:
         other = Tracker(self._replay, self._stage, self.axis.name, self._substeps)
         other._others = tuple(others)
         return other
+
+    def of_own_run(self, seed: int) -> Tracker:
+        """A tracker of the recording that the nominal model itself would have made."""
+        own = run_by_model(self._replay, self._stage, seed)
+        return Tracker(own, self._stage, self.axis.name, self._substeps)
 
     def run(
         self, model: AxisSettings, gains: Gains | None = None, stage_substeps: float = SUBSTEPS
