@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, Ranking
 from sim2real.attribution.constants import (
     CLOSE,
@@ -18,9 +20,13 @@ from sim2real.attribution.constants import (
     OUTLIER_SHRINKAGE,
     ROUNDS,
 )
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit
+from sim2real.dictionary import shift_only_place
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, coordinates, fit
 
 F64 = NDArray[np.float64]
+
+_SHIFT, _PERIOD = 0.1, 1e-3
+"""Distance over which a constant force is compared [m]; any period will do for that [s]."""
 
 
 def fit_alternatives(
@@ -74,6 +80,33 @@ def refine_contenders(
         ):
             break
     return best
+
+
+def without_effect(model: AxisModel, index: int, axis: AxisSettings) -> AxisModel:
+    """The model with one effect fewer; a spring's center takes over what was a constant force.
+
+    A spring and a constant force are a spring elsewhere, too far away for a fit that takes steps.
+    """
+    fewer = model.without(index)
+    missing = _constant_force(model, axis) - _constant_force(fewer, axis)
+    for i, term in enumerate(fewer.terms):
+        at = shift_only_place(term.effect)
+        if at is None or not missing:
+            continue
+        key = term.effect.parameters[at].key
+        moved = fewer.with_value(i, key, term.values[at] + _SHIFT)
+        slope = (_constant_force(moved, axis) - _constant_force(fewer, axis)) / _SHIFT
+        entry = coordinates(term.effect, axis)[at]
+        if slope:
+            return fewer.with_value(i, key, entry.clipped(term.values[at] + missing / slope))
+    return fewer
+
+
+def _constant_force(model: AxisModel, axis: AxisSettings) -> float:
+    ports = EffectPorts(axis, _PERIOD, _PERIOD)
+    for effect in model.settings(axis).effects:
+        effect.apply(ports)
+    return ports.force
 
 
 def _next_score(ranking: Ranking, alternative: Alternative) -> float:

@@ -36,7 +36,11 @@ from sim2real.attribution.constants import (
     WANDERS,
 )
 from sim2real.attribution.levels import settle_levels
-from sim2real.attribution.refinement import fit_alternatives, refine_contenders
+from sim2real.attribution.refinement import (
+    fit_alternatives,
+    refine_contenders,
+    without_effect,
+)
 from sim2real.attribution.shape_check import Repeat
 from sim2real.attribution.tracked import TrackedDictionary
 from sim2real.dictionary import Candidate
@@ -354,7 +358,7 @@ def _look_back(
     """
     for name in current.model.names():
         index = current.model.names().index(name)
-        fewer = current.model.without(index)
+        fewer = without_effect(current.model, index, problem.axis)
         ranking.enter(fit(problem, fewer, 4, thorough=False))
         rest = ranking.best(fewer.names())
         if ranking.score(current) > ranking.score(rest) - LEAST_GAIN:

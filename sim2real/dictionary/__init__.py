@@ -4,7 +4,7 @@
 says what models are fitted to: tracked innovations or the free loop.
 """
 
-from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised
+from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised, shift_only_place
 from sim2real.dictionary.nodes import FIRST_ORDER, Values, effect_nodes, midrange
 
 __all__ = [
@@ -15,4 +15,5 @@ __all__ = [
     "Values",
     "effect_nodes",
     "midrange",
+    "shift_only_place",
 ]

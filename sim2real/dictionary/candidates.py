@@ -230,7 +230,7 @@ class Dictionary:
     ) -> list[Candidate]:
         """Starts at the nodes that change the residual; size, phase and shift by least squares."""
         phase = next((i for i, p in enumerate(effect.parameters) if p.role == "phase"), None)
-        place = _shift_only_place(effect)
+        place = shift_only_place(effect)
         shift = _SHIFT * (self._at.travelled[1] - self._at.travelled[0])
         sets = []
         for values in nodes:
@@ -329,7 +329,7 @@ def _distinct(found: Sequence[Candidate], effect: Effect) -> list[Candidate]:
     return kept
 
 
-def _shift_only_place(effect: Effect) -> int | None:
+def shift_only_place(effect: Effect) -> int | None:
     """Index of a place that merely shifts the effect, because nothing else gives it a shape."""
     roles = [p.role for p in effect.parameters]
     if "shape" in roles or "phase" in roles or "place" not in roles:

@@ -1,0 +1,27 @@
+"""Which alternatives are fitted further, and where fits begin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.attribution.refinement import without_effect
+from sim2real.fitting import NUISANCES, AxisModel, Term
+from stagedata import Recording
+
+
+def test_a_spring_takes_over_a_constant_force(nominal: tuple[Recording, StageSettings]) -> None:
+    axis = nominal[1].axes[0]
+    offset = Term(library()["force_offset"], (-1.0,))
+    spring = Term(library()["cable_stiffness"], (8.0, 0.01))
+    wave = Term(library()["cogging"], (0.5, 0.03, 1.0))
+    model = AxisModel(np.zeros(NUISANCES), (offset, wave, spring))
+    fewer = without_effect(model, 0, axis)
+    assert fewer.names() == ("cogging", "cable_stiffness")
+    stiffness, center = fewer.terms[1].values
+    assert stiffness == 8.0
+    assert abs(center - 0.01) == pytest.approx(1.0 / 8.0)
+    assert without_effect(model, 1, axis).terms == (offset, spring)
+    assert without_effect(model, 2, axis).terms == (offset, wave)
