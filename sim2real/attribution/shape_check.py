@@ -42,6 +42,9 @@ from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
 
+_FASTER = (0.2, 5.0)
+"""What an effect found may be the faster or the slower part of: the other's shape, over its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
@@ -218,7 +221,19 @@ def _repeat_starts(
         halves = tuple(_split_half(term, side, axis) for side in (-1.0, 1.0))
         rest = model.without(index)
         found.append(replace(rest, terms=(*rest.terms, *halves)))
+        if not any(p.role == "place" for p in effect.parameters):
+            found += [model.added(_otherwise_fast(term, by, axis)) for by in _FASTER]
     return found
+
+
+def _otherwise_fast(term: Term, by: float, axis: AxisSettings) -> Term:
+    """The same effect with all shape parameters this many times as large."""
+    entries = coordinates(term.effect, axis)
+    values = [
+        entry.clipped(value * (by if entry.parameter.role == "shape" else 1.0))
+        for entry, value in zip(entries, term.values, strict=True)
+    ]
+    return Term(term.effect, tuple(values))
 
 
 def _split_half(term: Term, side: float, axis: AxisSettings) -> Term:

@@ -186,6 +186,18 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
     assert "shape of cogging on y is not the library's" in found.report.reason
 
 
+def test_two_strands_are_a_cable_in_another_shape(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """Fits of two strands to find them may end with one of them much too stiff."""
+    strands = {"two_strand_cable": {"force": 0.77, "stiffness": 5700.0}}
+    recording = stage_with(nominal, 10, y=strands)
+    found = diagnosed(recording, nominal[1], "cable_hysteresis", "payload_mass", "force_constant")
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cable_hysteresis")]
+    assert found.report.verdict == "partly_explained"
+    assert "shape of cable_hysteresis on y is not the library's" in found.report.reason
+
+
 def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(
     nominal: tuple[Recording, StageSettings],
 ) -> None:
