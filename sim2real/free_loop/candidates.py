@@ -34,6 +34,9 @@ class FreeDictionary(Dictionary):
         loop: the axis.
         fitted: the model.
         moves: that count, bool[moves]; None for all.
+
+    Attributes:
+        base_columns: derivatives by the base parameters, float64[R, STEP].
     """
 
     def __init__(self, loop: FreeLoop, fitted: FreeFit, moves: BoolArray | None = None) -> None:
@@ -43,6 +46,7 @@ class FreeDictionary(Dictionary):
         self._power: dict[tuple[str, bool], F64] = {}
         energy = float(np.mean(fitted.residual[self._own] ** 2))
         slopes = derivatives(loop, fitted.model, fitted.residual)
+        self.base_columns: F64 = slopes[:, :STEP]
         super().__init__(
             Linearised(
                 loop.axis,

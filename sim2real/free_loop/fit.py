@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,7 +55,11 @@ class FreeFit:
 
 
 def fit_free(
-    loop: FreeLoop, model: AxisModel, iterations: int, moves: BoolArray | None = None
+    loop: FreeLoop,
+    model: AxisModel,
+    iterations: int,
+    moves: BoolArray | None = None,
+    base_columns: F64 | None = None,
 ) -> FreeFit:
     """Fit base parameters and effects, starting from a model.
 
@@ -63,6 +68,8 @@ def fit_free(
         model: to start from.
         iterations: at most.
         moves: that count, bool[moves]; None for all.
+        base_columns: derivatives by the base parameters near the start, float64[R, STEP]: they
+            hardly depend on the effects; computed when None.
 
     Raises:
         ValueError: the start is not physical.
@@ -70,8 +77,11 @@ def fit_free(
     residual = loop.residual(model)
     cost = free_cost(loop, model, residual, moves)
     counted = np.ones(len(residual), dtype=np.bool_) if moves is None else moves[loop.move]
+    if base_columns is None:
+        base_columns = derivatives(loop, model, residual, range(STEP))
     for _ in range(iterations):
-        columns = derivatives(loop, model, residual)[counted]
+        effects = range(STEP, STEP + sum(len(term.values) for term in model.terms))
+        columns = np.hstack([base_columns, derivatives(loop, model, residual, effects)])[counted]
         where = _vector(loop, model)
         # An incomplete model's deviations are larger than noise; weights are smaller accordingly.
         weight = 1.0 / (loop.coherent * max(float(np.mean(residual[counted] ** 2)), 1.0))
@@ -101,7 +111,9 @@ def fit_free(
     return FreeFit(model, residual, cost)
 
 
-def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
+def derivatives(
+    loop: FreeLoop, model: AxisModel, residual: F64, by: Sequence[int] | None = None
+) -> F64:
     """Derivatives of the residual by base parameters (in sigmas) and coordinates, float64[R, P].
 
     One-sided differences: slips that shift to another sample average out over a recording.
@@ -110,6 +122,7 @@ def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
         loop: the axis.
         model: where.
         residual: what it leaves, float64[R].
+        by: indices of the parameters; None for all.
     """
     where = _vector(loop, model)
     steps = [
@@ -119,7 +132,9 @@ def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
     for term in model.terms:
         steps += [step for step, _ in _strides(loop, term)]
     moved = {}
-    for j, step in enumerate(steps):
+    by = range(len(steps)) if by is None else by
+    for j in by:
+        step = steps[j]
         if j < STEP and not loop.has_figure[j]:
             continue
         there = where.copy()
@@ -133,10 +148,10 @@ def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
     for (j, other), there_left in zip(
         moved.items(), loop.residuals(list(moved.values())), strict=True
     ):
-        by = _vector(loop, other)[j] - where[j]
-        if there_left is not None and by != 0.0:
-            columns[:, j] = (there_left - residual) / by
-    return columns
+        change = _vector(loop, other)[j] - where[j]
+        if there_left is not None and change != 0.0:
+            columns[:, j] = (there_left - residual) / change
+    return columns[:, list(by)]
 
 
 def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:

@@ -218,9 +218,9 @@ class _Selection:
         self._kept: dict[tuple[str, ...], FreeFit] = {}
         self.scores: dict[tuple[str, ...], float] = {}
 
-    def fit(self, model: AxisModel, iterations: int) -> FreeFit:
+    def fit(self, model: AxisModel, iterations: int, base_columns: F64 | None = None) -> FreeFit:
         """The best fit of a model's effects so far, this one included."""
-        found = fit_free(self._loop, model, iterations)
+        found = fit_free(self._loop, model, iterations, base_columns=base_columns)
         key, own = tuple(sorted(model.names())), score(self._loop, found)
         if key not in self.scores or own < self.scores[key]:
             self._kept[key], self.scores[key] = found, own
@@ -228,9 +228,9 @@ class _Selection:
 
     def add_best(self, fitted: FreeFit) -> FreeFit | None:
         """The best effect beside a model; None where none changes anything."""
-        found = self._candidates(fitted, list(self._library))
+        found, base_columns = self._candidates(fitted, list(self._library))
         self._promising |= {c.term.name for c in found[:PROMISING]}
-        return self._best_of(fitted, found[:FITTED])
+        return self._best_of(fitted, found[:FITTED], base_columns)
 
     def look_back(self, fitted: FreeFit) -> FreeFit:
         """Drop or replace earlier effects where that scores better."""
@@ -243,24 +243,28 @@ class _Selection:
                 fitted = fewer
                 continue
             others = [other for other in sorted(self._promising) if other != name]
-            swapped = self._best_of(fewer, self._candidates(fewer, others)[:SWAPPED])
+            starts, base_columns = self._candidates(fewer, others)
+            swapped = self._best_of(fewer, starts[:SWAPPED], base_columns)
             if swapped is not None and score(self._loop, swapped) < score(self._loop, fitted):
                 fitted = swapped
         return fitted
 
-    def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> list[Candidate]:
-        """Starts of these effects beside a model, best first."""
+    def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> tuple[list[Candidate], F64]:
+        """Starts of these effects beside a model, best first; derivatives by base parameters."""
         dictionary = FreeDictionary(self._loop, fitted)
         found: list[Candidate] = []
         for name in names:
             if name not in fitted.model.names():
                 found += dictionary.best(self._library[name])
-        return sorted(found, key=lambda c: -c.gain)
+        return sorted(found, key=lambda c: -c.gain), dictionary.base_columns
 
-    def _best_of(self, fitted: FreeFit, candidates: Sequence[Candidate]) -> FreeFit | None:
+    def _best_of(
+        self, fitted: FreeFit, candidates: Sequence[Candidate], base_columns: F64
+    ) -> FreeFit | None:
         """The best of these candidates beside a model, fitted."""
         starts = [fitted.model.added(c.term) for c in candidates]
-        tried = [self.fit(start, SHORT) for start in starts if self._loop.allows(start)]
+        allowed = [start for start in starts if self._loop.allows(start)]
+        tried = [self.fit(start, SHORT, base_columns) for start in allowed]
         if not tried:
             return None
         return self.fit(min(tried, key=lambda f: score(self._loop, f)).model, LONG)
