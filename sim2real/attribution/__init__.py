@@ -11,7 +11,7 @@ holds every figure that was chosen for selection and probabilities, with its rea
 
 from sim2real.attribution.alternatives import of_size
 from sim2real.attribution.causes import find_causes, list_candidates
-from sim2real.attribution.closed_loop_check import drop_ineffective
+from sim2real.attribution.closed_loop_check import drop_invisible, measure_closed
 from sim2real.attribution.free_form import FreeForm, FreeFormTest, FrictionOverPosition
 from sim2real.attribution.friction_profile import fit_friction_profile
 from sim2real.attribution.residual_force import stop_operators
@@ -33,13 +33,14 @@ __all__ = [
     "Pairs",
     "TrackedDictionary",
     "are_harmonics",
-    "drop_ineffective",
+    "drop_invisible",
     "find_causes",
     "fit_friction_profile",
     "fit_repeats",
     "free_form_repeat",
     "is_one_profile",
     "list_candidates",
+    "measure_closed",
     "of_size",
     "refit_beside",
     "search_effects",

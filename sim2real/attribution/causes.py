@@ -15,7 +15,6 @@ from sim2real.attribution.constants import (
     CLOSED,
     DAMPED,
     DOUBTED,
-    FAMILY,
     LEAST_GAIN,
     RELATIVE,
     RIVAL,
@@ -23,13 +22,11 @@ from sim2real.attribution.constants import (
     SCATTER,
     SHOWN,
     SIMPLER,
-    STEEP,
     STEP_SHARE,
     SURE,
     SURE_FAMILY,
     TEMPER,
     TUNED,
-    UNSURE,
     WANDER_SHARE,
 )
 from sim2real.attribution.search import AxisSearch
@@ -133,7 +130,7 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
 
     Doubt arises from a size that may be zero by its sigma (unless the effect has another shape than
     the library's), and from implausible values (unless the effect stands for a free form, or alone
-    explains the axis completely). What the fit needs is not doubted.
+    explains the axis completely). What the fit needs is doubted for both only.
     """
     axis = found.problem.axis
     repeat = found.repeats.get(term.name)
@@ -142,9 +139,9 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
     alone = found.is_complete and len(found.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
     uncertain = not departs and any(_is_size_uncertain(entry, figures, axis) for entry in entries)
-    plausible = is_free or alone or implausibility(term, axis) <= STRANGE
-    doubtful = uncertain or not plausible
-    return DOUBTED if doubtful and not _is_needed(found, term) else 1.0
+    implausible = not (is_free or alone) and implausibility(term, axis) > STRANGE
+    doubts = uncertain + implausible
+    return DOUBTED if doubts > _is_needed(found, term) else 1.0
 
 
 def _is_needed(found: AxisSearch, term: Term) -> bool:
@@ -246,18 +243,14 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
 
 
 def _confidence(found: AxisSearch, effect: str) -> float:
-    """Confidence in a name: nearly 1, or less the more of the gap the model leaves open.
+    """Confidence in a name: nearly 1 where nothing is left, or the share of the gap closed.
 
     An effect of the right family in another shape closes most of the gap, and the same effect
-    once more takes up the rest. The library's nearest relative of an unlisted effect closes less,
-    and two relatives together close more, so more is asked of them (docs/blind.md).
+    once more takes up the rest.
     """
-    if effect in found.repeats and found.repeats[effect].departs and found.closes > FAMILY:
+    if effect in found.repeats and found.repeats[effect].departs:
         return SURE_FAMILY
-    if found.is_complete and found.closes > CLOSED:
-        return SURE
-    steep = STEEP * len(found.best.model.terms)
-    return float(np.clip(1.0 - steep * (1.0 - found.closes), *UNSURE))
+    return SURE if found.closes > CLOSED else max(found.closes, 0.0)
 
 
 def list_candidates(

@@ -69,12 +69,6 @@ AGAINST = 1.5
 """Two effects are a single profile if without one of them the squared gap is this many times that
 of the machine file."""
 
-CLOSES = 0.4
-"""Where structure is left: share of the gap that the first effect must close, and share of the
-remainder that a second one must close."""
-SETS = 4
-"""Number of sets of one effect, and of two, that are simulated for this."""
-
 TEMPER = 5.0
 """Divisor of the log likelihood in the odds of names. Innovations would have to be white for a
 divisor of 1; those of a model that is right except for details are not."""
@@ -85,15 +79,12 @@ SIMPLER = 10.0
 RIVALRY = 0.9
 """Largest odds of all alternatives together; below 1, since the effects chosen are the most
 probable or the simplest."""
-STEEP = 4.0
-"""Loss of confidence per share of the gap that is left, for a single effect."""
 FAMILY = 0.55
 """Share of an axis' gap that an effect of the right family closes at least, in the wrong shape."""
 CLOSED = 0.8
 """Share of an axis' gap from which it counts as closed."""
-SURE, SURE_FAMILY, UNSURE = 0.99, 0.97, (0.05, 0.95)
-"""Confidence in a name where the gap is closed; in the family of an effect in another shape; and
-limits of the confidence that follows from the share of the gap closed."""
+SURE, SURE_FAMILY = 0.99, 0.97
+"""Confidence in a name where the gap is closed; in the family of an effect in another shape."""
 DOUBTED = 0.45
 """Largest probability of an effect whose size may be zero by its sigma, or whose values are not
 plausible at all."""

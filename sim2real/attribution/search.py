@@ -92,15 +92,17 @@ class AxisSearch:
     free: FreeSearch | None = None
     folds: list[AxisModel] = field(default_factory=list)
 
-    def take_over(self, free: FreeSearch) -> None:
-        """Take the effects that the free loop found.
+    def decide_in_loop(self, free: FreeSearch) -> None:
+        """Take what the free loop names on an axis that innovations leave open: effects, or none.
 
         Where innovations confirm them by nothing but noise being left, the figures are theirs: they
         know them several times better.
         """
+        self.free, self.repeats = free, {}
+        if not free.names_causes():
+            self.best = self.plain
+            return
         self._take_figures(free.loop, free.best, free.folds)
-        self.free, self.closes = free, free.closed
-        self.repeats = {}
         problem = self.problem
         problem.retune(self.best.model)
         again = fit(problem, self.best.model, 4, thorough=False)

@@ -19,6 +19,7 @@ from hil_sim.settings import AxisSettings
 from sim2real.attribution.constants import (
     AGAINST,
     COURSE,
+    FAMILY,
     IN_TUNE,
     LEAST_GAIN,
     ORDERS,
@@ -91,6 +92,15 @@ class Repeat:
         if self.course and self.gain > COURSE and self.gap < self.before:
             return True
         return self.closes and self.gain > max(LEAST_GAIN, REPEATED * self.excess)
+
+    def is_family(self, opened: float) -> bool:
+        """Whether the effect is of the right family, in another shape.
+
+        Args:
+            opened: squared closed-loop gap over floor of the machine file.
+        """
+        closed = (opened - self.gap) / max(opened - FLOOR_LEVEL, 1e-9)
+        return self.departs and self.before < opened and closed > FAMILY
 
 
 def fit_repeats(

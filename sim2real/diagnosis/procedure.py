@@ -24,10 +24,11 @@ from hil_sim.settings import StageSettings
 from sim2real.attribution import (
     AxisSearch,
     FreeFormTest,
-    drop_ineffective,
+    drop_invisible,
     fit_repeats,
     free_form_repeat,
     is_one_profile,
+    measure_closed,
     of_size,
     refit_beside,
     search_effects,
@@ -88,10 +89,11 @@ def diagnose(
         progress("shapes", 1, 3)
         list(pool.map(stage.check_shapes, names))
         progress("shapes", 2, 3)
-        drop_ineffective(searches, examined.measured, settings, stage.free_loop)
+        drop_invisible(searches, examined.measured, settings)
         for name in names:
-            stage.ask_free_loop(name)
+            stage.decide_in_loop(name)
         list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
+        measure_closed(searches, examined.measured, settings)
         progress("shapes", 3, 3)
         held_out = HeldOut(
             examined.measured, settings, searches, pool, partial(progress, "held-out moves")
@@ -106,7 +108,7 @@ def diagnose(
 class _StageSearch:
     """The searches on all axes of a stage, and the steps that each goes through.
 
-    In order: `search_axis`, `check_shapes`, `ask_free_loop`, `fit_repeats`.
+    In order: `search_axis`, `check_shapes`, `decide_in_loop`, `fit_repeats`.
 
     Args:
         examined: the recordings.
@@ -183,18 +185,18 @@ class _StageSearch:
             found.problem, model, self._library, partial(self._loop_gap, name), share
         )
 
-    def ask_free_loop(self, name: str) -> None:
-        """Search an axis in the free loop where the search by innovations has left it open.
+    def decide_in_loop(self, name: str) -> None:
+        """Let the free loop decide about an axis that the search by innovations has left open.
 
-        It has where the innovations are not white and no effect found is in another shape. The
-        result replaces the effects found so far only if it scores better in the free loop.
+        Of an effect in another shape it gives the figures; else it searches by itself.
         """
-        found = self.searches[name]
-        if found.is_complete or any(repeat.departs for repeat in found.repeats.values()):
+        found, loop = self.searches[name], self.free_loop(name)
+        if found.is_complete:
             return
-        free = search_free(self.free_loop(name), self._all)
-        if free.names_causes() and free.is_better_than(found.best.model):
-            found.take_over(free)
+        if found.repeats:
+            found.fit_in_loop(loop, found.alternatives[0].model)
+        else:
+            found.decide_in_loop(search_free(loop, self._all, rival=found.alternatives[0].model))
 
     def check_shapes(self, name: str) -> None:
         """Look for an effect in another shape than the library's where a search is not complete.
@@ -213,10 +215,10 @@ class _StageSearch:
             self.fit_repeats(name, single[0].model)
         if self._take_free_form(name):
             return
+        found.repeats = {n: r for n, r in found.repeats.items() if r.is_family(found.open_gap)}
         for effect, repeat in found.repeats.items():
-            if repeat.departs:
-                model = self._nearest(name, [single[0].model, *repeat.alone(effect)])
-                found.prefer(model, loop(model))
+            model = self._nearest(name, [single[0].model, *repeat.alone(effect)])
+            found.prefer(model, loop(model))
 
     def _take_free_form(self, name: str) -> bool:
         """Take the library's effect nearest to a free form, if the free form explains the gap.
@@ -234,7 +236,7 @@ class _StageSearch:
         model = self._nearest(name, starts)
         shares = (form.share, self._free_forms[name].share(kind, {name: model}))
         repeat = free_form_repeat(model, shares, (found.open_gap, loop(model)))
-        if not repeat.before < found.open_gap:
+        if not repeat.is_family(found.open_gap):
             return False
         found.prefer(model, repeat.before)
         found.repeats = {kind.name: repeat}

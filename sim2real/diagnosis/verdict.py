@@ -179,7 +179,7 @@ def _steps(searches: Mapping[str, AxisSearch]) -> tuple[SelectionStep, ...]:
     return tuple(
         SelectionStep(axis, step.added, step.effects, step.closed, step.uncertainty)
         for axis, found in searches.items()
-        if found.free is not None
+        if found.free is not None and found.best.model.terms
         for step in found.free.steps
     )
 

@@ -111,13 +111,6 @@ class FreeSearch:
         """Whether next to nothing is left."""
         return self.loop.gap(self.best.residual) <= NEAR * FLOOR_LEVEL
 
-    def is_better_than(self, model: AxisModel) -> bool:
-        """Whether the effects found score better than those of another model, fitted likewise."""
-        if not self.loop.allows(model):
-            return True
-        other = score(self.loop, fit_free(self.loop, model, LONG))
-        return score(self.loop, self.best) < other
-
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place.
 
@@ -162,6 +155,7 @@ def search_free(
     loop: FreeLoop,
     library: Mapping[str, Effect],
     progress: Callable[[float], object] = lambda _: None,
+    rival: AxisModel | None = None,
 ) -> FreeSearch:
     """Find the effects of an axis.
 
@@ -169,14 +163,14 @@ def search_free(
         loop: the axis.
         library: effects to consider.
         progress: called with the share done.
+        rival: effects found otherwise; these are the result where they score better.
     """
     selection = _Selection(loop, library)
     current = selection.fit(loop.start, SHORT)
     folds = [fit_free(loop, loop.start, SHORT, train) for train in _training(loop)]
     opened = loop.gap(loop.residual(loop.start))
     found = FreeSearch(loop, current, folds, opened, scores=selection.scores)
-    held = _held_out(loop, folds)
-    found.best, found.folds = current, folds
+    plain = held = _held_out(loop, folds)
     while len(current.model.terms) < MOST_EFFECTS:
         new = selection.add_best(current)
         if new is None or score(loop, new) >= score(loop, current):
@@ -191,16 +185,38 @@ def search_free(
             if len(names) - len(before) >= PATIENCE:
                 break
             continue
-        above = opened - FLOOR_LEVEL
-        closed = 1.0 - (float(left.sum() / loop.samples.sum()) - FLOOR_LEVEL) / above
         added = [name for name in names if name not in before] or [names[-1]]
-        step = Step(names, tuple(added), closed, uncertainty / above, current.model)
-        found.steps.append(step)
+        found.steps.append(_step(loop, opened, current.model, added, (held, left)))
         found.best, found.folds, held = current, folds, left
         hopeless = HOPELESS * MISFIT * FLOOR_LEVEL
         if len(names) > 3 and loop.gap(current.residual) > hopeless:
             break
+    if rival is not None and rival.terms and loop.allows(rival):
+        fitted, folds = fit_figures(loop, rival)
+        found.scores[tuple(sorted(rival.names()))] = score(loop, fitted)
+        if score(loop, fitted) < score(loop, found.best):
+            left = _held_out(loop, folds)
+            found.steps = [_step(loop, opened, fitted.model, rival.names(), (plain, left))]
+            found.best, found.folds = fitted, folds
     return found
+
+
+def _step(
+    loop: FreeLoop, opened: float, model: AxisModel, added: Sequence[str], held: tuple[F64, F64]
+) -> Step:
+    """A step of the selection.
+
+    Args:
+        loop: the axis.
+        opened: squared gap over floor of the machine file.
+        model: the effects from then on, fitted to all moves.
+        added: names of those that the step added.
+        held: energies of the moves before and after it, float64[moves] each.
+    """
+    _, uncertainty = _fall(loop, *held)
+    above = opened - FLOOR_LEVEL
+    closed = 1.0 - (float(held[1].sum() / loop.samples.sum()) - FLOOR_LEVEL) / above
+    return Step(model.names(), tuple(added), closed, uncertainty / above, model)
 
 
 class _Selection:
