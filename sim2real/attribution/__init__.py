@@ -5,8 +5,8 @@ fitted to innovations, with first-order `signature`s; `alternatives` scores the 
 fitted, `refinement` fits close ones to convergence, and `similarity` compares their signatures.
 `shape_check` recognises an effect of the right family in another shape, `free_form` friction over
 position in any (`friction_profile`, on `residual_force`). `closed_loop_check` drops what does not
-reduce the free-run gap, and `causes` puts probabilities and sigmas to what remains. `constants`
-holds every figure that was chosen for selection and probabilities, with its reason.
+show in the free-run gap, and `causes` puts probabilities and sigmas to what remains. What was
+chosen for all of this is in `sim2real.scoring.constants`.
 """
 
 from sim2real.attribution.alternatives import of_size

@@ -9,15 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from sim2real.attribution.constants import COHERENT, IMPLAUSIBLE, OCCAM, OCCAM_COURSE
 from sim2real.fitting import (
     AxisModel,
     AxisProblem,
     Fitted,
     clip_to_plausible,
-    implausibility,
-    is_coulomb_drift,
 )
+from sim2real.scoring import effects_penalty
+from sim2real.scoring.constants import COHERENT, TEMPER
 
 LoopGap = Callable[[AxisModel], float]
 """Squared closed-loop gap over floor of the axis under a model (`sim2real.shrinkage.axis_gap`)."""
@@ -41,28 +40,21 @@ class Alternative:
         return self.fitted.model
 
 
-def score_alternative(problem: AxisProblem, alternative: Alternative, each: float = OCCAM) -> float:
+def score_alternative(problem: AxisProblem, alternative: Alternative) -> float:
     """Score of an explanation, to be minimised: cost of the innovations and of the closed-loop gap.
 
     Both parts are twice a negative log likelihood; that of the gap counts one sample in `COHERENT`,
-    as the others are correlated. Each parameter of an effect after the first adds `each` (of a
-    Coulomb level that changes with time: at most `OCCAM_COURSE`), so of two explanations that fit
-    equally well the simpler one wins. Values beyond their plausible ranges add to the score too.
+    as the others are correlated. To this comes what its effects have to save.
 
     Args:
         problem: the axis.
         alternative: the explanation.
-        each: score that each further parameter must save.
     """
+    model = alternative.model
     samples = sum(int(mask.sum()) for mask in problem.masks)
     loop = samples / COHERENT * alternative.gap
-    simpler = sum(
-        (min(each, OCCAM_COURSE) if is_coulomb_drift(term, problem.axis) else each)
-        * (len(term.values) - 1)
-        for term in alternative.model.terms
-    )
-    far = IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in alternative.model.terms)
-    return problem.cost(alternative.model, alternative.fitted.residual) + loop + simpler + far
+    cost = problem.cost(model, alternative.fitted.residual)
+    return cost + loop + TEMPER * effects_penalty(model, problem.axis)
 
 
 class Ranking:

@@ -11,24 +11,6 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import of_size, score_alternative
-from sim2real.attribution.constants import (
-    CLOSED,
-    DAMPED,
-    DOUBTED,
-    LEAST_GAIN,
-    RELATIVE,
-    RIVAL,
-    RIVALRY,
-    SCATTER,
-    SHOWN,
-    SIMPLER,
-    STEP_SHARE,
-    SURE,
-    SURE_FAMILY,
-    TEMPER,
-    TUNED,
-    WANDER_SHARE,
-)
 from sim2real.attribution.search import AxisSearch
 from sim2real.axis_units import unit_on
 from sim2real.fitting import (
@@ -41,8 +23,24 @@ from sim2real.fitting import (
     is_coulomb_drift,
     reported_values,
 )
-from sim2real.free_loop import STRANGE
 from sim2real.report import Candidate, Cause, Confusable, Parameter
+from sim2real.scoring import weigh_effect
+from sim2real.scoring.constants import (
+    DAMPED,
+    DOUBTED,
+    ENOUGH,
+    LEAST_GAIN,
+    RELATIVE,
+    SCATTER,
+    SHOWN,
+    STEP_SHARE,
+    STRANGE,
+    SURE,
+    SURE_FAMILY,
+    TEMPER,
+    TUNED,
+    WANDER_SHARE,
+)
 from sim2real.shrinkage import HeldOut, share_given_back
 
 F64 = NDArray[np.float64]
@@ -209,37 +207,26 @@ def _sigma(
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     """Probability that an effect is present, and the effects that could take its place.
 
-    P = confidence / (1 + min(sum of odds, RIVALRY)). The sum runs over the models without the
-    effect: odds = exp(-(score - least score) / (2 TEMPER)), and over the effects on the Coulomb
-    level that could replace it, with the odds that `settle_levels` gave them.
+    Scores of innovations count a fifth (`TEMPER`). Between effects on the Coulomb level the odds
+    are those that `settle_levels` gave.
     """
-    problem = found.problem
-    best = found.best
-    names = best.model.names()
-    rest = tuple(sorted(n for n in names if n != effect))
-    reached = [
-        r for r in found.alternatives if set(r.model.names()) == set(names)
-    ] or found.alternatives[:1]
-    least = min(score_alternative(problem, r, SIMPLER) for r in reached)
+    problem, names = found.problem, found.best.model.names()
     # Among models that all leave structure the closed loop decides, not the innovations.
     departs = effect in found.repeats and found.repeats[effect].departs
-    widest = min(r.gap for r in reached) if departs else math.inf
-    levels = found.levels.get(effect, {})
-    weight, alternatives = sum(levels.values()), list(levels)
-    for alternative in found.alternatives:
-        others = tuple(sorted(alternative.model.names()))
-        if effect in others or alternative.gap > widest:
-            continue
-        worse = score_alternative(problem, alternative, SIMPLER) - least
-        swapped = [n for n in others if n not in rest]
-        if len(swapped) == 1 and swapped[0] in levels:
-            continue
-        odds = math.exp(-max(worse, 0.0) / (2.0 * TEMPER))
-        weight += odds
-        if odds > RIVAL and len(others) == len(names) and len(swapped) == 1:
-            alternatives.append(swapped[0])
-    preference = 1.0 / (1.0 + min(weight, RIVALRY))
-    return preference * _confidence(found, effect), alternatives
+    widest = math.inf
+    if departs:
+        widest = min(a.gap for a in found.alternatives if set(a.model.names()) == set(names))
+    scores = {
+        tuple(sorted(a.model.names())): score_alternative(problem, a) / TEMPER
+        for a in reversed(found.alternatives)
+        if a.gap <= widest
+    }
+    own = scores.setdefault(tuple(sorted(names)), min(scores.values(), default=0.0))
+    for other, odds in found.levels.get(effect, {}).items():
+        swapped = tuple(sorted({*names, other} - {effect}))
+        scores[swapped] = own - 2.0 * math.log(odds)
+    probability, others = weigh_effect(scores, names, effect)
+    return probability * _confidence(found, effect), others
 
 
 def _confidence(found: AxisSearch, effect: str) -> float:
@@ -250,7 +237,7 @@ def _confidence(found: AxisSearch, effect: str) -> float:
     """
     if effect in found.repeats and found.repeats[effect].departs:
         return SURE_FAMILY
-    return SURE if found.closes > CLOSED else max(found.closes, 0.0)
+    return SURE if found.closes > ENOUGH else max(found.closes, 0.0)
 
 
 def list_candidates(

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from hil_sim.settings import StageSettings
 from sim2real.attribution.search import AxisSearch
 from sim2real.fitting import AxisModel, fit
-from sim2real.free_loop import VISIBLE
 from sim2real.gap import Measured
+from sim2real.scoring.constants import VISIBLE
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 
 

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative
-from sim2real.attribution.constants import RIVAL
 from sim2real.attribution.signature import effect_inputs
 from sim2real.dictionary import FIRST_ORDER, Values, effect_nodes
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, implausibility
 from sim2real.fitting import is_coulomb_level as is_level
-from sim2real.free_loop import IMPLAUSIBLE
+from sim2real.scoring.constants import ALIKE, IMPLAUSIBLE
 from sim2real.tracking import Track
 
 F64 = NDArray[np.float64]
@@ -87,7 +86,7 @@ def settle_levels(
         weighed = weigh_levels(problem, found.best.model, [index], [term.effect, *others])
         tried = {term.name: found.best}
         for name, evidence in weighed.items():
-            if name != term.name and evidence.value > weighed[term.name].value + math.log(RIVAL):
+            if name != term.name and evidence.value > weighed[term.name].value + math.log(ALIKE):
                 swapped = _swap(problem, found.best.model, [index], evidence.term)
                 if problem.is_nearly_white(swapped.residual):
                     tried[name] = swapped

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, Ranking
-from sim2real.attribution.constants import (
+from sim2real.dictionary import shift_only_place
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, coordinates, fit
+from sim2real.scoring.constants import (
     CLOSE,
     CLOSE_SHARE,
     CONTENDERS,
-    ITERATIONS,
     LEAST_GAIN,
     LEAST_PROGRESS,
     OUTLIER_SHRINKAGE,
     ROUNDS,
+    SHORT,
 )
-from sim2real.dictionary import shift_only_place
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, coordinates, fit
 
 F64 = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def refine_contenders(
         starts = [alternative.model for alternative in near]
         # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
-        fit_alternatives(problem, ranking, starts, ITERATIONS, columns)
+        fit_alternatives(problem, ranking, starts, SHORT, columns)
         best, *others = ranked()[:CONTENDERS]
         gained = before - ranking.score(best)
         overtaken = any(_next_score(ranking, r) < ranking.score(best) for r in others)
@@ -111,4 +111,4 @@ def _constant_force(model: AxisModel, axis: AxisSettings) -> float:
 
 def _next_score(ranking: Ranking, alternative: Alternative) -> float:
     """Score after another fit, if the cost keeps falling at its last rate."""
-    return ranking.score(alternative) - ITERATIONS * alternative.fitted.last_gain
+    return ranking.score(alternative) - SHORT * alternative.fitted.last_gain

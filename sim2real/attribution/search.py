@@ -19,22 +19,6 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking
-from sim2real.attribution.constants import (
-    CLOSE,
-    FACTOR,
-    FAINT,
-    FEWEST_SCALED,
-    FITTED,
-    FITTED_FAINT,
-    LEAST_GAIN,
-    MASS,
-    OPEN,
-    PASSES,
-    PROMISING,
-    RIVALS,
-    SCALED,
-    WANDERS,
-)
 from sim2real.attribution.levels import settle_levels
 from sim2real.attribution.refinement import (
     fit_alternatives,
@@ -46,12 +30,28 @@ from sim2real.attribution.tracked import TrackedDictionary
 from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, is_within_tolerance
 from sim2real.free_loop import (
-    MOST_EFFECTS,
     FreeFit,
     FreeLoop,
     FreeSearch,
     fit_figures,
     move_covariance,
+)
+from sim2real.scoring.constants import (
+    CLOSE,
+    FACTOR,
+    FAINT,
+    FEWEST_SCALED,
+    FITTED,
+    FITTED_FAINT,
+    LEAST_GAIN,
+    MASS,
+    MOST_EFFECTS,
+    OPEN,
+    PASSES,
+    PROMISING,
+    RIVALS,
+    SCALED,
+    WANDERS,
 )
 from sim2real.shrinkage import FLOOR_LEVEL
 

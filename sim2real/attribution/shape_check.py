@@ -16,16 +16,6 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
-from sim2real.attribution.constants import (
-    AGAINST,
-    COURSE,
-    FAMILY,
-    IN_TUNE,
-    LEAST_GAIN,
-    ORDERS,
-    REPEATED,
-    SATISFIED,
-)
 from sim2real.attribution.free_form import is_profile
 from sim2real.attribution.tracked import TrackedDictionary
 from sim2real.dictionary import Dictionary
@@ -38,6 +28,16 @@ from sim2real.fitting import (
     fit,
     is_coulomb_drift,
     is_coulomb_level,
+)
+from sim2real.scoring.constants import (
+    AGAINST,
+    COURSE,
+    FAMILY,
+    IN_TUNE,
+    LEAST_GAIN,
+    NEAR,
+    ORDERS,
+    REPEATED,
 )
 from sim2real.shrinkage import FLOOR_LEVEL
 
@@ -77,12 +77,12 @@ class Repeat:
     @property
     def is_free(self) -> bool:
         """Whether what is left is of the same kind in another shape, and more than noise."""
-        return self.share > REPEATED and self.before > SATISFIED
+        return self.share > REPEATED and self.before > NEAR * FLOOR_LEVEL
 
     @property
     def closes(self) -> bool:
         """Whether the repeat takes up most of what is left in the closed loop."""
-        return self.before - self.gap >= REPEATED * (self.before - SATISFIED)
+        return self.before - self.gap >= REPEATED * (self.before - NEAR * FLOOR_LEVEL)
 
     @property
     def departs(self) -> bool:

@@ -23,7 +23,7 @@ from sim2real.diagnosis.examination import (
     Progress,
     report_without_causes,
 )
-from sim2real.diagnosis.open_loop_reason import STRANGE, give_reason
+from sim2real.diagnosis.open_loop_reason import give_reason
 from sim2real.diagnosis.verdict import Diagnosis, describe_far_off, moved_figures
 from sim2real.fitting import (
     BASE,
@@ -61,6 +61,7 @@ from sim2real.report import (
     Parameter,
     SelectionStep,
 )
+from sim2real.scoring.constants import DOUBTED, ENOUGH, SHOWN, STRANGE
 from sim2real.shrinkage import share_closed, share_given_back
 
 F64 = NDArray[np.float64]
@@ -71,11 +72,6 @@ that least squares find."""
 _MASS = 0.01
 """Smallest tolerance of the mass. A drive reports the force at one instant, and the force varies
 within a SYNC period: on the reference stage by 2.4 % of mass times acceleration."""
-_ENOUGH = 0.9
-"""Gap closed from which a gap counts as explained."""
-_DOUBTED = 0.45
-"""Largest probability of an effect whose size may be zero, or whose values are `STRANGE`."""
-_SHOWN = 8
 _SAME_AS = {
     "mass": ("payload_mass", "force_constant"),
     "coulomb": ("coulomb_level",),
@@ -170,7 +166,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
     far_off = describe_far_off(examined)
     if causes:
         whole = all(a.found.is_near_floor() for a in axes)
-        enough = whole and share is not None and share >= _ENOUGH
+        enough = whole and share is not None and share >= ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
         steps = any(a.found.steps for a in axes)
@@ -272,7 +268,7 @@ def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:
             Cause(
                 axis.name,
                 term.name,
-                min(probability, _DOUBTED) if doubtful else probability,
+                min(probability, DOUBTED) if doubtful else probability,
                 figures,
                 gives_back,
                 interval,
@@ -299,7 +295,7 @@ def _candidates(axis: _Axis) -> list[Candidate]:
         for name in sorted(names)
         if name in axis.found.best.model.names()
     ]
-    return sorted(listed, key=lambda c: -c.probability)[:_SHOWN]
+    return sorted(listed, key=lambda c: -c.probability)[:SHOWN]
 
 
 def _steps(axes: Sequence[_Axis]) -> tuple[SelectionStep, ...]:

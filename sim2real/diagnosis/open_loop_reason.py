@@ -8,12 +8,10 @@ from collections.abc import Mapping, Sequence
 from sim2real.diagnosis.examination import Examination
 from sim2real.diagnosis.verdict import name_causes
 from sim2real.fitting import implausibility
-from sim2real.free_loop import CLOSED, FreeSearch
+from sim2real.free_loop import FreeSearch
 from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
+from sim2real.scoring.constants import CLOSED, STRANGE
 from sim2real.shrinkage import FLOOR_LEVEL
-
-STRANGE = 4.0
-"""Implausibility, in tenths of the plausible ranges, beyond which no real machine lies."""
 
 
 def give_reason(

@@ -44,12 +44,10 @@ from sim2real.fitting import (
 )
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.report import PARTLY_EXPLAINED, UNEXPLAINED
+from sim2real.scoring.constants import REPEATED
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
-_FREE_FORM = 0.5
-"""Share of the residual force in motion that a free form must predict for the gap to be of its
-kind; effects of other kinds reach 0.35 at most (`benchmarks/gap/free_forms.py`)."""
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
 
@@ -228,7 +226,7 @@ class _StageSearch:
         found, loop = self.searches[name], partial(self._loop_gap, name)
         start = found.problem.start
         form = self._free_forms[name].most_likely(self._library.values())
-        if form is None or form.share <= _FREE_FORM:
+        if form is None or form.share <= REPEATED:
             return False
         kind = form.effect
         starts = [start.added(term) for term in form.starts]

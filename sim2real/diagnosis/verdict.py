@@ -42,15 +42,14 @@ from sim2real.report import (
     NextExperiment,
     SelectionStep,
 )
+from sim2real.scoring.constants import ENOUGH, NEAR
 from sim2real.shrinkage import HeldOut, combined_energy, share_closed
 
 F64 = NDArray[np.float64]
 
-_ENOUGH = 0.9
-"""Gap closed from which a gap counts as explained."""
-_SMALL, _SMALLER = 3.0, 2.0
-"""Largest squared gap over floor per signal that counts as no gap where no cause was found: with
-all axes complete, and otherwise."""
+_SMALLER = 2.0
+"""Largest squared gap over floor per signal that counts as no gap where no cause was found and an
+axis is not complete; with all axes complete it is `NEAR`."""
 _FAR_OFF = {"position": 0.1, "force": 0.5}
 """Ratio of a signal's gap to its own standard deviation from which the gap is large, however large
 the floor is: the floor of a model that is far off is not reliable."""
@@ -119,7 +118,7 @@ def conclude(
         )
         share, interval = share_closed(before, held_out.energies(left), samples)
     if confident:
-        enough = whole and share is not None and share >= _ENOUGH
+        enough = whole and share is not None and share >= ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
         # Without causes the better of file and fit counts: figures fitted to a coarse log may be
@@ -193,7 +192,7 @@ def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bo
             base parameters alone where these leave less.
         whole: whether all axes are complete and no effect departs from its equation.
     """
-    small = not causes and remaining < (_SMALL if whole else _SMALLER)
+    small = not causes and remaining < (NEAR if whole else _SMALLER)
     return NO_GAP if small or remaining < NO_GAP_BELOW else UNEXPLAINED
 
 

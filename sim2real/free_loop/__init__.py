@@ -3,21 +3,14 @@
 In the free loop the closed loop is simulated from its demands alone, and nothing is corrected by
 the recording. Where a model is incomplete, values that fit one-step innovations may widen this gap.
 `loop` runs the axis under models, `fit` fits them to the free run's residual, `candidates` proposes
-where to start each effect, and `search` selects up to six, judged on held-out moves. `constants`
-holds every figure that was chosen, with its reason.
+where to start each effect, and `search` selects up to six, judged on held-out moves.
 """
 
-from sim2real.free_loop.constants import CLOSED, IMPLAUSIBLE, MOST_EFFECTS, STRANGE, VISIBLE
 from sim2real.free_loop.fit import FreeFit, fit_free, least_squares_covariance, move_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.free_loop.search import FreeSearch, Step, fit_figures, search_free
 
 __all__ = [
-    "CLOSED",
-    "IMPLAUSIBLE",
-    "MOST_EFFECTS",
-    "STRANGE",
-    "VISIBLE",
     "FreeFit",
     "FreeLoop",
     "FreeSearch",

@@ -19,35 +19,29 @@ from hil_sim.effects.effect import Effect
 from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, implausibility
 from sim2real.free_loop.candidates import FreeDictionary
-from sim2real.free_loop.constants import (
+from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
+from sim2real.free_loop.loop import FreeLoop
+from sim2real.scoring import effects_penalty, weigh_effect
+from sim2real.scoring.constants import (
     CLOSED,
-    EACH,
     FITTED,
     HOPELESS,
-    IMPLAUSIBLE,
     LONG,
     MISFIT,
     MOST_EFFECTS,
     NEAR,
     PATIENCE,
-    PROMISING,
+    REMEMBERED,
+    RIVALS,
     SHORT,
     SIGMAS,
     STRANGE,
-    SWAPPED,
-    TRANSMISSION,
     VISIBLE,
 )
-from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
-from sim2real.free_loop.loop import FreeLoop
 from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
-
-_ALIKE, _CHOSEN = 0.05, 0.53
-"""Posterior odds from which an effect could take another one's place; and the smallest probability
-of an effect of the chosen set, before it is limited by the share of the gap closed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,22 +108,10 @@ class FreeSearch:
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place.
 
-        Sets of effects that were fitted count by their scores, as posterior odds; the set that was
-        chosen is the best or the simplest, so its effects count for half at least. What is left may
-        be part of any effect: no probability exceeds the share of the gap that is closed.
+        What is left may be part of any effect: no probability exceeds the share of the gap closed.
         """
-        names = set(self.best.model.names())
-        least = min(self.scores.values())
-        present = total = 0.0
-        others: list[str] = []
-        for other, value in sorted(self.scores.items(), key=lambda item: item[1]):
-            odds = math.exp(0.5 * (least - value))
-            total += odds
-            if effect in other:
-                present += odds
-            elif odds > _ALIKE * total and names - set(other) == {effect}:
-                others += sorted(set(other) - names)[:1]
-        return min(self.closed, max(present / total, _CHOSEN)), others
+        probability, others = weigh_effect(self.scores, self.best.model.names(), effect)
+        return min(self.closed, probability), others
 
     def covariance(self) -> F64:
         """Of the base parameters and all effects' coordinates, float64[P, P]."""
@@ -139,16 +121,9 @@ class FreeSearch:
 def score(loop: FreeLoop, fitted: FreeFit) -> float:
     """Score of a model that was fitted to all moves, to be minimised.
 
-    It is the cost of the fit plus penalties: for each parameter of an effect, for effects of
-    transmissions, and for implausible values.
+    It is the cost of the fit plus what its effects have to save.
     """
-    terms = fitted.model.terms
-    return (
-        fitted.cost
-        + EACH * sum(len(term.values) for term in terms)
-        + TRANSMISSION * sum(term.effect.transmission for term in terms)
-        + IMPLAUSIBLE * sum(implausibility(term, loop.axis) for term in terms)
-    )
+    return fitted.cost + effects_penalty(fitted.model, loop.axis)
 
 
 def search_free(
@@ -245,7 +220,7 @@ class _Selection:
     def add_best(self, fitted: FreeFit) -> FreeFit | None:
         """The best effect beside a model; None where none changes anything."""
         found, base_columns = self._candidates(fitted, list(self._library))
-        self._promising |= {c.term.name for c in found[:PROMISING]}
+        self._promising |= {c.term.name for c in found[:REMEMBERED]}
         return self._best_of(fitted, found[:FITTED], base_columns)
 
     def look_back(self, fitted: FreeFit) -> FreeFit:
@@ -260,7 +235,7 @@ class _Selection:
                 continue
             others = [other for other in sorted(self._promising) if other != name]
             starts, base_columns = self._candidates(fewer, others)
-            swapped = self._best_of(fewer, starts[:SWAPPED], base_columns)
+            swapped = self._best_of(fewer, starts[:RIVALS], base_columns)
             if swapped is not None and score(self._loop, swapped) < score(self._loop, fitted):
                 fitted = swapped
         return fitted

@@ -8,6 +8,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.attribution import are_harmonics, free_form_repeat, is_one_profile
+from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from stagedata import Recording
 
@@ -74,3 +75,19 @@ def test_a_form_of_its_own_departs_where_more_than_noise_is_left(
     found = free_form_repeat(model(Term(BELL, (0.4, 0.0, 0.03))), shares, gaps)
     assert found.departs is departs
     assert found.gap == pytest.approx(closed)
+
+
+@pytest.mark.parametrize(
+    ("gap", "before", "share", "family"),
+    [
+        (5.0, 20.0, 0.9, True),
+        (60.0, 80.0, 0.9, False),  # of its kind, but most of the gap is something else
+        (5.0, 120.0, 0.9, False),  # the library's nearest opens the loop
+        (5.0, 20.0, 0.1, False),
+    ],
+)
+def test_a_family_closes_most_of_the_gap(
+    gap: float, before: float, share: float, family: bool
+) -> None:
+    repeat = Repeat(0.0, share, 1e4, gap, before, model())
+    assert repeat.is_family(100.0) is family

@@ -72,6 +72,20 @@ def test_figures_of_an_incomplete_model_are_those_that_close_the_loop(screw: Fre
         assert screw.gap(fold.residual) < screw.gap(screw.residual(screw.start))
 
 
+def test_effects_found_otherwise_are_the_result_where_they_score_better(screw: FreeLoop) -> None:
+    known = library()
+    right = screw.start
+    for name, values in THREE.items():
+        right = right.added(Term(known[name], tuple(values.values())))
+    few = {"force_offset": known["force_offset"]}
+    found = search_free(screw, few, rival=right)
+    assert set(found.best.model.names()) == set(THREE)
+    assert found.names_causes()
+    assert [set(step.added) for step in found.steps] == [set(THREE)]
+    worse = search_free(screw, few, rival=screw.start.added(Term(known["payload_mass"], (0.1,))))
+    assert worse.best.model.names() == ("force_offset",)
+
+
 def test_values_that_are_not_physical_have_no_residual(screw: FreeLoop) -> None:
     impossible = screw.start.added(Term(library()["payload_mass"], (-100.0,)))
     (left, plain) = screw.residuals([impossible, screw.start])
