@@ -35,6 +35,7 @@ _AXIS_FIGURES = {
     "rated force": lambda axis: axis.control.rated_force,
     "Coulomb force": lambda axis: _coulomb(axis),
     "travel": lambda axis: axis.travel[1] - axis.travel[0],
+    "velocity limit": lambda axis: axis.velocity,
     "Coulomb force over the travel": lambda axis: (
         _coulomb(axis) / (axis.travel[1] - axis.travel[0])
     ),
@@ -61,8 +62,8 @@ class Parameter:
             multiples of that value of the axis; None: anywhere on the travel (place), any angle
             (phase), anything (table). It is no limit.
         signed: the range with the opposite sign is plausible, too.
-        relative_to: value of the axis ("mass", "travel", "rated force", "Coulomb force", the same
-            "over the travel") that `plausible` multiplies.
+        relative_to: value of the axis ("mass", "travel", "velocity limit", "rated force", "Coulomb
+            force", the same "over the travel") that `plausible` multiplies.
         neutral: value of a size parameter at which there is no effect; a string names the value of
             the axis that it equals. None: not a size parameter.
         above: a physical value is > this.

@@ -41,6 +41,7 @@ class LowSpeedFriction(Effect):
             "speed over which it decays",
             (2e-3, 4e-2),
             role="shape",
+            relative_to="velocity limit",
             above=0.0,
             log=True,
         ),

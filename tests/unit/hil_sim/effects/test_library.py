@@ -59,6 +59,7 @@ def typical(parameter):
     scale = {
         "mass": f" {TIMES} m",
         "travel": f" {TIMES} travel",
+        "velocity limit": f" {TIMES} velocity limit",
         "rated force": f" {TIMES} rated force",
         "Coulomb force": f" {TIMES} Fc",
         "Coulomb force over the travel": f" {TIMES} Fc/travel",

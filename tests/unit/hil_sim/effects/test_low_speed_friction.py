@@ -25,3 +25,12 @@ def test_low_speed_friction(free, with_effects, effects, pushed, substeps, accur
         return (motor(t, 12.0) - drag) / MASS
 
     assert_close(position, integrated(time, acceleration), accuracy)
+
+
+def test_usual_speeds_follow_what_the_axis_can_do(nominal, effects):
+    """A joint that turns at 3 rad/s has its low speeds elsewhere than a slide of 1 m/s."""
+    speed = effects["low_speed_friction"].parameters[1]
+    axis = nominal.axes[0]
+    (slide,), (joint,) = (speed.ranges(replace(axis, velocity=v)) for v in (1.0, 3.0))
+    assert slide == (2e-3, 4e-2)
+    assert joint == (6e-3, 0.12)
