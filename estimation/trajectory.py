@@ -50,6 +50,14 @@ class Trajectory:
     duration: float
     target: float
 
+    @property
+    def pieces(self) -> tuple[F64, F64, F64, F64, F64, float, float]:
+        """All of it as kernels take it; see `trajectory_samples`."""
+        return (
+            self.start, self.position, self.velocity, self.acceleration, self.jerk,
+            self.duration, self.target,
+        )  # fmt: skip
+
     def sample(self, time: F64) -> tuple[F64, F64, F64]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at `time` [s], same shape.
 
@@ -59,10 +67,7 @@ class Trajectory:
 
         time = np.asarray(time, dtype=np.float64)
         position, velocity, acceleration = np.empty((3, time.size))
-        pieces = (self.start, self.position, self.velocity, self.acceleration, self.jerk)
-        sample_pieces(
-            (*pieces, self.duration, self.target), time.ravel(), position, velocity, acceleration
-        )
+        sample_pieces(self.pieces, time.ravel(), position, velocity, acceleration)
         shape = time.shape
         return position.reshape(shape), velocity.reshape(shape), acceleration.reshape(shape)
 
@@ -137,6 +142,6 @@ def _solve(  # type: ignore[no-untyped-def]
         now += t
     if not pieces:
         pieces.append((0.0, 0.0, 0.0, 0.0, 0.0))
-    at = np.array(pieces).T
+    at = np.array(pieces).T.copy()
     end = target if interface == ruckig.ControlInterface.Position else start + x
     return Trajectory(at[0], start + at[1], at[2], at[3], at[4], now, end)

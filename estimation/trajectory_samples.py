@@ -11,7 +11,7 @@ def sample_pieces(trajectory, time, position, velocity, acceleration):  # type: 
 
     Args:
         trajectory: start, position, velocity, acceleration and jerk of its pieces, shape (n,),
-            duration and target; as of `trajectory.Trajectory`.
+            duration and target; `trajectory.Trajectory.pieces`.
         time: of the samples [s], shape (K,); fastest in ascending order.
         position: shape (K,).
         velocity: shape (K,).

@@ -11,6 +11,7 @@ from estimation.known_effects import known_figures
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.settings.host_model import drive_loop
 from stagectl.config.settings.known_effects import known_terms
 from stagectl.sequencer.compensation.axis_compensation import AxisCompensation
 from stagectl.sequencer.compensation.mode import Figures, Mode
@@ -78,7 +79,11 @@ def compile_kernels(machine: Machine, estimator: bool) -> None:
         machine: the host's.
         estimator: the estimator's kernels, first of all, and not only those of the feedforward.
     """
-    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
+    kinds = {
+        (axis.plant.friction.model, drive_loop(axis.drive) is None): axis
+        for axis in machine.axes.values()
+    }
+    for axis in kinds.values():
         _compile_kernels(axis, machine.bus.sync_period, estimator)
 
 
