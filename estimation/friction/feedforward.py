@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.friction.follow import follow
+from estimation.compiled import kernel
+from estimation.friction.follow import follow_positions
 from estimation.friction.law import F64
-from estimation.friction.model import FrictionState
+from estimation.friction.model import FrictionState, kernel_figures, make_constants
 from estimation.trajectory import Trajectory
+from estimation.trajectory_samples import sample_pieces
 from stagedata import FrictionFigures
 
 _STEPS = 5  # of the friction model per sample
@@ -39,14 +41,7 @@ def friction_feedforward(
         Friction force minus the state's sum [N], shape (K,): added to the offset in force at rest,
         so that the offset has no jump.
     """
-    follower = state.copy()
-    time = np.asarray(np.arange(1, samples * _STEPS + 1) * (period / _STEPS) + ahead, np.float64)
-    position, velocity, _ = trajectory.sample(time)
-    follower.settle_at(float(trajectory.position[0]))
-    force, _ = follow(friction, follower, position, velocity, period / _STEPS, substeps=1, band=0.0)
-    at = np.arange(_STEPS - 1, samples * _STEPS, _STEPS)
-    total: F64 = force[at] + friction.viscous * velocity[at] - state.total
-    return total
+    return _along(friction, state, trajectory, 0, samples, period, ahead)
 
 
 def remaining_feedforward(
@@ -72,16 +67,60 @@ def remaining_feedforward(
     Returns:
         Friction force at samples sent + 1..K minus that at `sent` [N], shape (K - sent,).
     """
-    follower = state.copy()
-    steps = (samples - sent) * _STEPS
-    time = np.asarray(
-        sent * period + np.arange(steps + 1) * (period / _STEPS) + ahead, dtype=np.float64
-    )
-    position, velocity, _ = trajectory.sample(time)
-    follower.settle_at(float(position[0]))
-    first = follower.total + friction.viscous * velocity[0]
-    force, _ = follow(
-        friction, follower, position[1:], velocity[1:], period / _STEPS, substeps=1, band=0.0
-    )
-    change: F64 = force + friction.viscous * velocity[1:] - first
-    return change[_STEPS - 1 :: _STEPS]
+    return _along(friction, state, trajectory, sent, samples, period, ahead)
+
+
+def _along(
+    friction: FrictionFigures,
+    state: FrictionState,
+    trajectory: Trajectory,
+    sent: int,
+    samples: int,
+    period: float,
+    ahead: float,
+) -> F64:
+    """Change of the friction force since sample `sent` of a demand, shape (samples - sent,) [N]."""
+    follower, force = state.copy(), np.empty(samples - sent)
+    follow_demand(
+        make_constants(friction), kernel_figures(friction, period / _STEPS), friction.viscous,
+        follower.forces, follower.slipping, follower.memory, state.total,
+        trajectory.pieces, sent * period, ahead, force,
+    )  # fmt: skip
+    return force
+
+
+@kernel()
+def follow_demand(  # type: ignore[no-untyped-def]
+    law, figures, viscous, forces, slipping, memory, held, trajectory, sent, ahead, force
+):
+    """Friction along a demand (11 arguments: law, state and trajectory, as arrays).
+
+    Args:
+        law: its constants.
+        figures: at which it is evaluated; their period is that of the steps.
+        viscous: sigma_v [N s/m].
+        forces: internal forces [N], shape (n,); advanced.
+        slipping: which of them slide, shape (n,); advanced.
+        memory: direction of motion, and position up to which it was taken [m]; advanced.
+        held: sum of the internal forces [N].
+        trajectory: of the demand, as of `trajectory_samples.sample_pieces`.
+        sent: time of the sample from which on the force is wanted [s]; 0: the axis rests there.
+        ahead: how much earlier the force is wanted [s].
+        force: written: change since then [N], shape (K,).
+    """
+    steps = force.shape[0] * _STEPS
+    time, position, velocity = np.empty(steps + 1), np.empty(steps + 1), np.empty(steps + 1)
+    for k in range(steps + 1):
+        time[k] = sent + k * figures.period + ahead
+    followed, jacobian = np.empty(steps), np.empty((steps, 3))
+    sample_pieces(trajectory, time, position, velocity, np.empty(steps + 1))
+    memory[1], first = trajectory[1][0], held
+    if sent > 0.0:
+        memory[1], first = position[0], held + viscous * velocity[0]
+    follow_positions(
+        law, figures, np.array([figures.coulomb]), forces, slipping, memory,
+        position[1:], velocity[1:], 1, 0.0, followed, jacobian,
+    )  # fmt: skip
+    for k in range(force.shape[0]):
+        last = (k + 1) * _STEPS
+        force[k] = followed[last - 1] + viscous * velocity[last] - first
