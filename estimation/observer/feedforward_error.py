@@ -10,13 +10,15 @@ repeated here, so their weights are tracked by a Kalman filter instead.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import machine_code
+from estimation.compiled import kernel, machine_code
+from estimation.least_squares import cholesky_inverse
 from estimation.observer.design import Design
 from estimation.observer.lacking_force import Figures, find_lacking
 from estimation.observer.model import LACK
@@ -118,25 +120,60 @@ class LearnedFeedforward:
     def __init__(self) -> None:
         self.value: F64 = np.zeros(3)
         self.fed: F64 = np.zeros(3)
-        self._information: F64 = _AT_START
+        self._information: F64 = _AT_START.copy()
         self._before: F64 = np.zeros(3)
         self._after: F64 = np.zeros(3)
+        rest = np.zeros(3), np.zeros((3, 3))
+        state = (np.zeros(3), _AT_START.copy(), np.zeros(3), np.zeros(3), np.zeros(3))
+        self._weigh = machine_code(weigh, *rest, *state, _AT_START, MOST, BIAS)
 
     def take(self, error: FeedforwardError) -> None:
         """Learn from a move that was made with `fed`: what it lacked comes on top."""
-        lacked = self.fed + error.value
-        seen, known = error.information.diagonal(), self._information.diagonal()
+        self._weigh(
+            error.value, error.information, self.value, self._information, self.fed, self._before,
+            self._after, _AT_START, MOST, BIAS,
+        )  # fmt: skip
+
+
+@kernel()
+def weigh(  # type: ignore[no-untyped-def]
+    error, shown, value, information, fed, before, after, at_start, most, bias
+):
+    """Take in what a move lacked (10 arguments: what is known, and limits, as arrays).
+
+    Args:
+        error: what it lacked, (3,).
+        shown: inverse of the covariance of that, (3, 3).
+        value: changed, as are all up to `after`; (3,).
+        information: inverse of the covariance of `value`, (3, 3).
+        fed: of `value`, what is fed forward, (3,).
+        before: mean squares of what moves lacked without a feedforward, weighted, (3,).
+        after: the same of what the values known before each move leave, (3,).
+        at_start: `information` before the first move, (3, 3).
+        most: `MOST`.
+        bias: `BIAS`.
+    """
+    lacked, pull = np.empty(3), np.zeros(3)
+    for i in range(3):
+        lacked[i] = fed[i] + error[i]
+        seen, known = shown[i, i], information[i, i]
         weight = seen * known / (seen + known)  # of both the move's uncertainty and the value's
-        self._before = KEPT * self._before + weight * lacked**2
-        self._after = KEPT * self._after + weight * (lacked - self.value) ** 2
-        kept = KEPT * self._information + (1.0 - KEPT) * _AT_START
-        self._information = kept + error.information
-        covariance = np.linalg.inv(self._information)
-        self.value = self.value + covariance @ error.information @ (lacked - self.value)
-        explains = self._after < EXPLAINED * self._before
-        certain = np.abs(self.value) > BIAS + SIGNIFICANT * np.sqrt(covariance.diagonal())
-        plausible = np.abs(self.value) <= MOST
-        self.fed = np.where(explains & certain & plausible, self.value, 0.0)
+        before[i] = KEPT * before[i] + weight * lacked[i] ** 2
+        after[i] = KEPT * after[i] + weight * (lacked[i] - value[i]) ** 2
+    for i in range(3):
+        for j in range(3):
+            pull[i] += shown[i, j] * (lacked[j] - value[j])
+            information[i, j] *= KEPT
+            information[i, j] += (1.0 - KEPT) * at_start[i, j] + shown[i, j]
+    covariance = information.copy()
+    cholesky_inverse(covariance)
+    for i in range(3):
+        for j in range(3):
+            value[i] += covariance[i, j] * pull[j]
+        explains = after[i] < EXPLAINED * before[i]
+        certain = abs(value[i]) > bias[i] + SIGNIFICANT * math.sqrt(covariance[i, i])
+        plausible = abs(value[i]) <= most[i]
+        fed[i] = value[i] if explains and certain and plausible else 0.0
 
 
 def _response(design: Design, length: int) -> F64:

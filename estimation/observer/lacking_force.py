@@ -167,6 +167,8 @@ def _seen(force, response):  # type: ignore[no-untyped-def]
     """
     count = force.shape[0]
     seen, change = np.full(count, force[0]), force - force[0]
+    if not change.any():  # as of an axis that rests
+        return seen
     for j in range(min(response.shape[0], count)):
         share = response[j]
         for k in range(j, count):
