@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import kernel
 from estimation.observer.design import Design, design_observer
 
 F64 = NDArray[np.float64]
@@ -36,19 +37,38 @@ def sticks(design: Design, position: F64, force: F64, still: Flags) -> bool:
         still: valid samples while no axis was to move, shape (K,).
     """
     own = design.figures
-    span = round(SPAN / own.period)
-    blocks = len(position) // span
-    if blocks == 0:
-        return False
-    shape = (blocks, span)
-    rest = still[-blocks * span :].reshape(shape).all(axis=1)
-    if not rest.any():
-        return False
-    changed = np.ptp(force[-blocks * span :].reshape(shape)[rest], axis=1)
-    moved = np.ptp(position[-blocks * span :].reshape(shape)[rest], axis=1)
-    moved = moved + own.noise  # a coarse encoder does not show small motions
     spring = own.drive.kp + own.carriage.stiffness
-    return bool(np.any(changed > np.maximum(LEAST_FORCE * own.coulomb, STIFFER * spring * moved)))
+    position, force = np.ascontiguousarray(position), np.ascontiguousarray(force)
+    return bool(
+        holds_on(
+            position, force, still, round(SPAN / own.period), own.noise,
+            LEAST_FORCE * own.coulomb, STIFFER * spring,
+        )
+    )  # fmt: skip
+
+
+@kernel()
+def holds_on(position, force, still, span, noise, least, spring):  # type: ignore[no-untyped-def]
+    """Whether force changes and position does not in any block of still samples, the last first.
+
+    Args:
+        position: one per SYNC [m], (K,).
+        force: measured [N], (K,).
+        still: as of `sticks`, (K,).
+        span: samples of a block.
+        noise: of the position [m]: a coarse encoder does not show small motions.
+        least: change of force that says anything [N].
+        spring: least stiffness of what holds on [N/m].
+    """
+    for end in range(position.shape[0], span - 1, -span):
+        block = slice(end - span, end)
+        if not still[block].all():
+            continue
+        changed = force[block].max() - force[block].min()
+        moved = position[block].max() - position[block].min() + noise
+        if changed > max(least, spring * moved):
+            return True
+    return False
 
 
 def without_presliding(design: Design) -> Design:

@@ -37,6 +37,8 @@ class Sticking:
         """
         if design.assumed_stiffness:
             self._design, self._redesign = design, redesign
+            rest = np.zeros(1)  # compiled, or loaded, before anything moves
+            sticks(design, rest, rest, np.zeros(1, np.bool_))
 
     def judge(self, position: F64, force: F64, still: NDArray[np.bool_]) -> None:
         """Look whether the axis has stuck; arguments as those of `sticks`.
