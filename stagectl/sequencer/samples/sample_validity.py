@@ -7,12 +7,14 @@ usual on the bus, which only the arrival of the answer bounds (`without_unpunctu
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stagedata import Samples
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 
@@ -35,6 +37,8 @@ def without_late(samples: Samples) -> Samples:
     Where two samples arrive for one SYNC after a missed one, the drive was delayed, and the first
     of them answers an earlier SYNC.
     """
+    if samples.valid.all() and not samples.late.any():
+        return samples
     valid = samples.valid & ~samples.late[:, None]
     valid[1:-1] &= (samples.extra[2:] == 0) | samples.valid[:-2]
     return replace(samples, valid=valid)
@@ -42,11 +46,8 @@ def without_late(samples: Samples) -> Samples:
 
 def mean_force(samples: Samples) -> F64:
     """Mean force of each axis over its valid samples, or over all if none is valid [N]."""
-    means = [
-        float(values[ok].mean() if ok.any() else values.mean())
-        for values, ok in zip(samples.force.T, samples.valid.T, strict=True)
-    ]
-    return np.array(means)
+    used = samples.valid | ~samples.valid.any(axis=0)
+    return np.asarray(np.where(used, samples.force, 0.0).sum(axis=0) / used.sum(axis=0))
 
 
 def bridged_positions(samples: Samples) -> F64:
@@ -73,12 +74,14 @@ def without_unpunctual(samples: Samples, period: float) -> Samples:
         samples: of a move.
         period: Ts [s].
     """
+    bounds = np.where(samples.valid, np.fmin(samples.arrival, samples.doubt[:, None]), np.nan)
+    spread = np.fmax.reduce(bounds) - np.fmin.reduce(bounds)
+    if (spread <= PUNCTUAL * period).all():
+        return samples
     valid = samples.valid.copy()
-    for arrival, ok in zip(samples.arrival.T, valid.T, strict=True):
+    for bound, ok in zip(bounds.T, valid.T, strict=True):
         if ok.any():
-            bound = np.fmin(arrival, samples.doubt)
-            if not np.ptp(bound[ok]) <= PUNCTUAL * period:
-                ok &= np.abs(bound - np.median(bound[ok])) <= PUNCTUAL * period
+            ok &= np.abs(bound - np.median(bound[ok])) <= PUNCTUAL * period
     return replace(samples, valid=valid)
 
 
@@ -88,22 +91,36 @@ def without_stale(samples: Samples) -> Samples:
     A drive that sends old data repeats position and force to the last bit, then the position jumps.
     """
     valid = samples.valid.copy()
-    for position, force, ok in zip(samples.position.T, samples.force.T, valid.T, strict=True):
-        rows = np.flatnonzero(ok)
-        there, felt = position[rows], force[rows]
-        step = np.abs(there[1:] - there[:-1])
-        same = (step == 0.0) & (felt[1:] == felt[:-1])
-        if not same.any() or not step.any():
-            continue
-        jumped = step > STALE_STEPS * step[step > 0.0].min()
-        if not (same[:-1] & jumped[1:]).any():
-            continue
-        # The step that ends a run of repeats decides about all of them.
-        ends = np.where(~same, np.arange(len(same)), len(same))
-        ends = np.minimum.accumulate(ends[::-1])[::-1]
-        stale = same & np.append(jumped, False)[ends]
-        ok[rows[1:][stale]] = False
+    if not unmark_stale(samples.position, samples.force, valid):
+        return samples
     return replace(samples, valid=valid)
+
+
+@kernel()
+def unmark_stale(position, force, valid):  # type: ignore[no-untyped-def]
+    """`without_stale`: take what is stale out of `valid`; whether there was any. Shapes (K, n)."""
+    found = False
+    for a in range(position.shape[1]):
+        smallest, last = math.inf, -1
+        for k in range(position.shape[0]):
+            if valid[k, a]:
+                step = abs(position[k, a] - position[last, a]) if last >= 0 else 0.0
+                smallest = min(smallest, step) if step > 0.0 else smallest
+                last = k
+        last, first = -1, -1  # of samples that are alike
+        for k in range(position.shape[0]):
+            if not valid[k, a]:
+                continue
+            step = abs(position[k, a] - position[last, a])
+            if last >= 0 and step == 0.0 and force[k, a] == force[last, a]:
+                first = k if first < 0 else first
+            else:
+                if first >= 0 and step > STALE_STEPS * smallest:
+                    valid[first:k, a] = False
+                    found = True
+                first = -1
+            last = k
+    return found
 
 
 def grid_places(samples: Samples, period: float) -> NDArray[np.int64]:
