@@ -33,10 +33,10 @@ def check_following_error(
         RunFault: an axis has left its window in FAULT_SAMPLES valid samples.
     """
     error = np.abs(samples.position[1:] - demand[: len(samples) - 1])
-    for a, (name, window) in enumerate(zip(names, windows, strict=True)):
-        measured = error[:, a][samples.valid[1:, a]]
-        if (measured > window).sum() >= FAULT_SAMPLES:
-            raise RunFault(
-                f"axis {name}: 0x6064:00 position actual: {measured.max() * 1e3:.3g} mm from the "
-                f"demand (following_error: {window * 1e3:g} mm); do setpoints reach the drive?"
-            )
+    outside = (error > windows) & samples.valid[1:]
+    for a in np.flatnonzero(outside.sum(axis=0) >= FAULT_SAMPLES).tolist():
+        farthest = error[outside[:, a], a].max()
+        raise RunFault(
+            f"axis {names[a]}: 0x6064:00 position actual: {farthest * 1e3:.3g} mm from the "
+            f"demand (following_error: {windows[a] * 1e3:g} mm); do setpoints reach the drive?"
+        )
