@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
+_KINDS = (
+    ("position", np.float64), ("force", np.float64), ("valid", np.bool_), ("disturbed", np.bool_)
+)  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class MoveData:
@@ -41,7 +45,6 @@ class MoveData:
 
     def __post_init__(self) -> None:
         """Convert samples of any type and layout: kernels are compiled for one alone."""
-        kinds = {"position": np.float64, "force": np.float64}
-        for name, kind in (kinds | {"valid": np.bool_, "disturbed": np.bool_}).items():
+        for name, kind in _KINDS:
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), kind))

@@ -18,12 +18,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from estimation.compiled import kernel
 from estimation.friction import F64, FrictionState, follow
 from estimation.move import MoveData
 from stagedata import FrictionFigures
 
 SMOOTH = 1.0 / 12.0
 """Of the second difference, where there is no kink."""
+_NONE, _NOT_ANY = np.zeros(0), np.zeros(0, np.bool_)
 
 
 def kink_share(period: float, tip: float) -> float:
@@ -53,21 +55,34 @@ def with_mean_force(
         commanded: force offset in force at each sample, shape (K,): what of the force has kinks;
             None: all of it.
     """
-    sound = move.valid & (np.abs(move.force) < peak)
-    if move.disturbed is not None:
-        sound &= ~move.disturbed
-    if len(sound) < 3 or not move.valid.any():
+    if len(move.valid) < 3 or not move.valid.any():
         return move
-    if commanded is None:
-        around = share * _bend(move.force)
-    else:
-        around = SMOOTH * _bend(move.force) + (share - SMOOTH) * _bend(commanded)
-    if friction is not None:
-        around -= SMOOTH * _bend(friction)
-    force = move.force.copy()
-    inner = sound[:-2] & sound[1:-1] & sound[2:]
-    force[1:-1][inner] += around[inner]
-    return replace(move, force=force)
+    disturbed = _NOT_ANY if move.disturbed is None else move.disturbed
+    mean = move.force.copy()
+    add_bends(
+        move.force, move.valid, disturbed, _NONE if friction is None else friction,
+        _NONE if commanded is None else commanded, share, peak, mean,
+    )  # fmt: skip
+    return replace(move, force=mean)
+
+
+@kernel()
+def add_bends(force, valid, disturbed, friction, commanded, share, peak, mean):  # type: ignore[no-untyped-def]
+    """`with_mean_force`, added to `mean`, (K,); what is not known of the move has no samples."""
+    for k in range(1, force.shape[0] - 1):
+        sound = True
+        for i in range(k - 1, k + 2):
+            sound = sound and valid[i] and abs(force[i]) < peak
+            sound = sound and not (disturbed.shape[0] and disturbed[i])
+        if not sound:
+            continue
+        if commanded.shape[0]:
+            around = SMOOTH * bend(force, k) + (share - SMOOTH) * bend(commanded, k)
+        else:
+            around = share * bend(force, k)
+        if friction.shape[0]:
+            around -= SMOOTH * bend(friction, k)
+        mean[k] += around
 
 
 def modelled_friction(
@@ -94,5 +109,7 @@ def slope(path: F64, period: float) -> F64:
     return rate
 
 
-def _bend(values: F64) -> F64:
-    return values[2:] - 2.0 * values[1:-1] + values[:-2]
+@kernel()
+def bend(values, k):  # type: ignore[no-untyped-def]
+    """Second difference of samples, shape (K,), at sample k."""
+    return values[k + 1] - 2.0 * values[k] + values[k - 1]

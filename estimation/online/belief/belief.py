@@ -15,7 +15,7 @@ mass on the reference stage). It explains the force; the feedforward uses the tr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -107,11 +107,15 @@ class Belief(NamedTuple):
 
 def model_at(start: FrictionFigures, mean: F64, level: float = 1.0) -> FrictionFigures:
     """The model with these figures, relative to those of `start`, the Coulomb force at `level`."""
-    return replace(
-        start,
-        coulomb=start.coulomb * float(mean[COULOMB]) * level,
-        viscous=start.viscous * float(mean[VISCOUS]),
-        stiffness=start.stiffness * float(mean[STIFFNESS]),
-        relaxation_rate=start.relaxation_rate * float(mean[RATE]),
-        static_ratio=float(mean[ALPHA]),
+    coulomb, viscous, stiffness, rate, _, alpha = mean[: ALPHA + 1].tolist()
+    return FrictionFigures(
+        start.elements,
+        start.coulomb * coulomb * level,
+        start.viscous * viscous,
+        start.stiffness * stiffness,
+        start.relaxation_rate * rate,
+        alpha,
+        start.stribeck_velocity,
+        start.stribeck_shape,
+        start.law,
     )
