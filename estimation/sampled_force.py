@@ -101,11 +101,15 @@ def modelled_friction(
     return force
 
 
-def slope(path: F64, period: float) -> F64:
-    """Central differences, one-sided at the ends; `numpy.gradient` takes four times as long."""
-    rate = np.empty(len(path))
-    rate[1:-1] = (path[2:] - path[:-2]) / (2.0 * period)
-    rate[0], rate[-1] = (path[1] - path[0]) / period, (path[-1] - path[-2]) / period
+@kernel()
+def slope(path, period):  # type: ignore[no-untyped-def]
+    """Central differences of samples, shape (K,), one-sided at the ends; 0 of a single sample."""
+    last = path.shape[0] - 1
+    rate = np.zeros(last + 1)
+    for k in range(last + 1):
+        before, behind = max(k - 1, 0), min(k + 1, last)
+        if before < behind:
+            rate[k] = (path[behind] - path[before]) / ((behind - before) * period)
     return rate
 
 

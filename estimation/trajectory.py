@@ -14,6 +14,7 @@ import ruckig
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
+_PLANNER = ruckig.Ruckig(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,7 @@ def _solve(  # type: ignore[no-untyped-def]
     request.max_acceleration = [limits.acceleration]
     request.max_jerk = [limits.jerk]
     found = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(request, found)
+    result = _PLANNER.calculate(request, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise ValueError(f"no motion from {start!r} m to {target!r} m: {result.name}")
     profile = found.profiles[0][0]

@@ -94,9 +94,14 @@ class Estimate:
         return model_at(self._facts[0], self._outcome.mean)
 
     @property
+    def figures(self) -> dict[str, float]:
+        """The figures of `friction` that the law has, by name."""
+        return in_own_units(self._outcome.mean, self._facts[0])
+
+    @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the figures that the law has, by name, in their units."""
-        return spreads(np.sqrt(self._outcome.covariance.diagonal()), self._facts[0])
+        return in_own_units(np.sqrt(self._outcome.covariance.diagonal()), self._facts[0])
 
     @property
     def covariance(self) -> F64:
@@ -198,17 +203,22 @@ def sliding_shown(outcome: Outcome, informative: float = INFORMATIVE) -> tuple[f
     return (value, variance * share) if value > 0.0 else None
 
 
-def spreads(relative: F64, start: FrictionFigures) -> dict[str, float]:
-    """Standard deviations of the law's figures in their units, by name."""
+def in_own_units(relative: F64, start: FrictionFigures) -> dict[str, float]:
+    """Values or standard deviations of the law's figures in their units, by name.
+
+    Args:
+        relative: to the figures of `start`, in the order of `FIGURES`.
+        start: model.
+    """
     return {
-        name: float(relative[i]) * float(getattr(start, name))
-        for i, name in enumerate(FIGURES[:MASS])
+        name: float(value) * float(getattr(start, name))
+        for name, value in zip(FIGURES[:MASS], relative.tolist(), strict=False)
         if start.has(name)
     }
 
 
 def in_units(relative: F64, start: FrictionFigures) -> F64:
-    """Covariance of the law's figures in their units, in the order of `spreads`."""
+    """Covariance of the law's figures in their units, in the order of `in_own_units`."""
     own = [i for i, name in enumerate(FIGURES[:MASS]) if start.has(name)]
     scale = np.array([float(getattr(start, FIGURES[i])) for i in own])
     covariance: F64 = relative[own][:, own] * scale * scale[:, None]

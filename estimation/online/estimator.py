@@ -34,7 +34,7 @@ from estimation.online.belief import (
 )
 from estimation.online.belief.scatter import learn_scatter
 from estimation.online.belief.trend import Trend
-from estimation.online.estimate import Estimate, sliding_shown, spreads
+from estimation.online.estimate import Estimate, in_own_units, sliding_shown
 from estimation.online.judge import SHOWS_SCALE, scale_covariance
 from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
 from estimation.online.settings import EstimatorSettings
@@ -163,7 +163,9 @@ class SplitHorizonEstimator:
         As those of the last accepted estimate, they count what the moves disagree by.
         """
         factor = np.sqrt(np.maximum(self._axis["scale"][:MASS], 1.0))
-        return spreads(factor * np.sqrt(self._belief.covariance.diagonal()[:MASS]), self._start)
+        return in_own_units(
+            factor * np.sqrt(self._belief.covariance.diagonal()[:MASS]), self._start
+        )
 
     def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
         """Begin from figures that were learned before instead of from the start model.

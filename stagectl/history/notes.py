@@ -17,6 +17,7 @@ from stagectl.store import RunNotes
 
 _IN_EVENT = ("run", "axis", "site", "accepted", "reason")
 """Fields of an estimate that its event has anyway, or that only the database knows."""
+_NOTED = tuple(f.name for f in fields(EstimateRecord) if f.name not in _IN_EVENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ def note_of_run(entry: RunEntry, where: str | None) -> dict[str, Any]:
 
 def note_of_estimate(record: EstimateRecord) -> dict[str, Any]:
     """The note in the event `friction`."""
-    return {f.name: getattr(record, f.name) for f in fields(record) if f.name not in _IN_EVENT}
+    return {name: getattr(record, name) for name in _NOTED}
 
 
 def step_record(event: Mapping[str, Any], entry: RunEntry, number: int) -> StepRecord:

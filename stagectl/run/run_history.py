@@ -77,7 +77,7 @@ class RunHistory:
             temperature: of the stage [deg C], or None.
         """
         self.made += 1
-        estimate, friction = event.estimate, event.estimate.friction
+        estimate = event.estimate
         return EstimateRecord(
             run=0,
             axis=event.axis,
@@ -88,7 +88,7 @@ class RunHistory:
             distance=event.distance,
             accepted=estimate.accepted,
             reason=estimate.reason,
-            figures={name: float(getattr(friction, name)) for name in estimate.sigma},
+            figures=estimate.figures,
             covariance=tuple(estimate.covariance.ravel().tolist()),
             level=estimate.level,
             measured=measured_level(estimate) if placed or event.reach <= LOCAL else None,

@@ -18,7 +18,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -28,6 +28,7 @@ import numpy as np
 from stagectl.errors import StagectlError, UnusableInput, failure_to_write
 from stagedata import Move
 
+_MOVE = tuple(field.name for field in fields(Move))
 FILE_NAME = "recording.journal"
 MAGIC = b"stagectl-journal 3 "
 SAMPLE_TAG = ord("S")
@@ -176,7 +177,7 @@ class Journal:
 
     def move(self, move: Move) -> None:
         """Note a move, before its samples; another one with the same start replaces it."""
-        self._text({"move": asdict(move)})
+        self._text({"move": {name: getattr(move, name) for name in _MOVE}})
 
     def event(self, event: str, **data: object) -> None:
         """Note an event with the index of the next sample.

@@ -15,7 +15,7 @@ from stagectl.config.settings.host_model import drive_loop
 from stagectl.config.settings.known_effects import known_terms
 from stagectl.sequencer.compensation.axis_compensation import AxisCompensation
 from stagectl.sequencer.compensation.mode import Figures, Mode
-from stagectl.sequencer.samples.sample_validity import without_stale
+from stagectl.sequencer.samples.move_data import prepare_move_data
 from stagedata import Samples
 
 
@@ -85,7 +85,7 @@ def compile_kernels(machine: Machine, estimator: bool) -> None:
         (axis.plant.friction.model, drive_loop(axis.drive) is None): axis
         for axis in machine.axes.values()
     }
-    without_stale(Samples.missing(1, len(machine.axes)))
+    prepare_move_data(Samples.missing(1, len(machine.axes)), np.zeros(len(machine.axes)), [], 1.0)
     for axis in kinds.values():
         _compile_kernels(axis, machine.bus.sync_period, estimator)
 

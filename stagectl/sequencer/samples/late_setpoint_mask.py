@@ -11,7 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.sequencer.samples.sample_validity import EXACT, bridged_positions, grid_places
+from stagectl.sequencer.samples.sample_validity import (
+    EXACT,
+    bridged_positions,
+    grid_places,
+    is_gapless,
+)
 from stagedata import Samples
 
 LATE, LATE_STEPS = 0.03, 100
@@ -41,10 +46,10 @@ def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
         samples: of a move.
         period: Ts [s].
     """
+    if is_gapless(samples, period) and np.ptp(samples.sync) <= LATE * period:
+        return np.zeros(samples.position.shape, dtype=np.bool_)
     place = grid_places(samples, period)
     mask = np.zeros((int(place[-1]) + 1, samples.position.shape[1]), dtype=np.bool_)
-    if len(place) == len(mask) and np.ptp(samples.sync) <= LATE * period:
-        return mask
     away = np.abs(samples.sync - np.median(samples.sync))
     still = np.where(away > LATE * period, away, 0.0)
     passed = np.diff(place, prepend=place[0] - 1) - 1

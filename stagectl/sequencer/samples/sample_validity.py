@@ -46,8 +46,11 @@ def without_late(samples: Samples) -> Samples:
 
 def mean_force(samples: Samples) -> F64:
     """Mean force of each axis over its valid samples, or over all if none is valid [N]."""
-    used = samples.valid | ~samples.valid.any(axis=0)
-    return np.asarray(np.where(used, samples.force, 0.0).sum(axis=0) / used.sum(axis=0))
+    means = []
+    for values, valid in zip(samples.force.T.tolist(), samples.valid.T.tolist(), strict=True):
+        used = [value for value, ok in zip(values, valid, strict=True) if ok] or values
+        means.append(sum(used) / len(used))
+    return np.array(means)
 
 
 def bridged_positions(samples: Samples) -> F64:
@@ -74,15 +77,31 @@ def without_unpunctual(samples: Samples, period: float) -> Samples:
         samples: of a move.
         period: Ts [s].
     """
-    bounds = np.where(samples.valid, np.fmin(samples.arrival, samples.doubt[:, None]), np.nan)
-    spread = np.fmax.reduce(bounds) - np.fmin.reduce(bounds)
-    if (spread <= PUNCTUAL * period).all():
+    if widest_spread(samples.arrival, samples.doubt, samples.valid) <= PUNCTUAL * period:
         return samples
     valid = samples.valid.copy()
-    for bound, ok in zip(bounds.T, valid.T, strict=True):
+    for arrival, ok in zip(samples.arrival.T, valid.T, strict=True):
         if ok.any():
+            bound = np.fmin(arrival, samples.doubt)
             ok &= np.abs(bound - np.median(bound[ok])) <= PUNCTUAL * period
     return replace(samples, valid=valid)
+
+
+@kernel()
+def widest_spread(arrival, doubt, valid):  # type: ignore[no-untyped-def]
+    """How far any axis' bounds on the delay of SYNC are apart [s].
+
+    `arrival` and `valid`, (K, n); `doubt`, (K,); as of `Samples`.
+    """
+    widest = 0.0
+    for a in range(arrival.shape[1]):
+        least, most = math.inf, -math.inf
+        for k in range(arrival.shape[0]):
+            if valid[k, a]:
+                bound = min(arrival[k, a], doubt[k])
+                least, most = min(least, bound), max(most, bound)
+        widest = max(widest, most - least)
+    return widest
 
 
 def without_stale(samples: Samples) -> Samples:
@@ -128,11 +147,16 @@ def grid_places(samples: Samples, period: float) -> NDArray[np.int64]:
     return np.asarray(np.round((samples.time - samples.time[0]) / period), dtype=np.int64)
 
 
+def is_gapless(samples: Samples, period: float) -> bool:
+    """Whether there is a sample for every SYNC period from the first one on."""
+    return round(float(samples.time[-1] - samples.time[0]) / period) == len(samples) - 1
+
+
 def filled_to_grid(samples: Samples, period: float) -> Samples:
     """Insert an invalid row for every skipped SYNC period."""
-    place = grid_places(samples, period)
-    if place[-1] == len(place) - 1:
+    if is_gapless(samples, period):
         return samples
+    place = grid_places(samples, period)
     count = int(place[-1]) + 1
     whole = Samples.missing(count, samples.axes)
     for field in fields(Samples):

@@ -97,6 +97,7 @@ def test_the_answer_is_finite_bounded_and_no_worse_than_the_start(truth, scale, 
         value, begun = getattr(estimate.friction, name), getattr(start, name)
         assert low * begun * (1 - 1e-9) <= value <= high * begun * (1 + 1e-9), name
         assert 0.0 <= estimate.sigma[name] < np.inf
+        assert estimate.figures[name] == getattr(estimate.friction, name)
         assert estimate.gain[name] >= 1.0 - 1e-6
     assert np.isfinite(estimate.misfit)
     assert estimate.accepted == (estimate.reason is None)

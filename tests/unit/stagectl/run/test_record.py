@@ -48,6 +48,7 @@ def update(accepted=True, figures=FIGURES):
         accepted=accepted, reason=None if accepted else "the residual is too large",
         friction=figures, level=1.0, shown=(6.0, 0.03), expected=(6.0, 0.1), zones="AB",
         misfit=0.5, held=("relaxation_rate",), gain=dict.fromkeys(sigma, 0.5),
+        figures={name: getattr(figures, name) for name in sigma},
         sigma=sigma, covariance=np.diag(np.square(list(sigma.values()))),
     )  # fmt: skip
     return FrictionUpdated(

@@ -26,6 +26,7 @@ def updated(**changes: Any) -> FrictionUpdated:
     estimate = SimpleNamespace(
         accepted=True, reason=None, level=1.01, shown=(6.1, 0.03), zones="AB", misfit=0.5,
         expected=(6.0, 0.1), friction=SimpleNamespace(coulomb=6.05, viscous=20.0),
+        figures={"coulomb": 6.05, "viscous": 20.0},
         sigma={"coulomb": 0.05, "viscous": 0.5}, covariance=np.array([[0.0025, 0.0], [0.0, 0.25]]),
     )  # fmt: skip
     known = {"site": 3, "axis": "x", "estimate": estimate, "compute_time": 6e-5, "kind": "macro",
