@@ -219,7 +219,6 @@ def in_own_units(relative: F64, start: FrictionFigures) -> dict[str, float]:
 
 def in_units(relative: F64, start: FrictionFigures) -> F64:
     """Covariance of the law's figures in their units, in the order of `in_own_units`."""
-    own = [i for i, name in enumerate(FIGURES[:MASS]) if start.has(name)]
-    scale = np.array([float(getattr(start, FIGURES[i])) for i in own])
-    covariance: F64 = relative[own][:, own] * scale * scale[:, None]
-    return covariance
+    rows = relative.tolist()
+    own = [(i, getattr(start, n)) for i, n in enumerate(FIGURES[:MASS]) if start.has(n)]
+    return np.array([[rows[i][j] * other * unit for j, other in own] for i, unit in own])

@@ -32,6 +32,7 @@ from estimation.online.belief import (
     Belief,
     model_at,
 )
+from estimation.online.belief.excess import learn_excess
 from estimation.online.belief.scatter import learn_scatter
 from estimation.online.belief.trend import Trend
 from estimation.online.estimate import Estimate, in_own_units, sliding_shown
@@ -54,8 +55,6 @@ _MOVES = 15
 """Number of moves over which scatter and what acts beside the model are averaged."""
 _GUESS = 0.3
 """Weight of the initial guess of such a variance, in moves."""
-_LEAST_UNMODELLED = 0.003
-"""Least rms of the unmodelled force, relative to the Coulomb force at the start."""
 CERTAIN = 0.3
 """Relative sigma of Fc and sigma0 up to which the friction state is still known behind a refused
 move: with less certain figures it has been followed with a wrong model."""
@@ -129,8 +128,8 @@ class SplitHorizonEstimator:
         self._informed = np.full(MASS, _GUESS)
         # The same of what each figure differs by from move to move.
         self._scatter_weights = np.full(MASS, _GUESS)
-        # How much each variance of `_observe_unmodelled` weighs, in moves that determine it.
-        self._weights = {"model_error": 1.0, "wander": _GUESS, "unmodelled": _GUESS}
+        # How much each variance of `learn_excess` weighs, in moves that determine it.
+        self._weights = np.array([1.0, _GUESS, _GUESS])
         self._other_scale: float | None = None  # change of force per acceleration
         self._right: Belief | None = None  # belief when there was none
         self._axis = settings.axis(friction, frozen)
@@ -284,7 +283,11 @@ class SplitHorizonEstimator:
         self._end, self._rest = end, None
         self._observe_innovations(outcome)
         if outcome.verdict != SCALE and outcome.unmodelled[1] > 0.0 and outcome.wander[1] > 0.0:
-            self._observe_unmodelled(outcome)
+            # Refused moves count: what is refused again and again is expected in the end.
+            learn_excess(
+                self._axis, self._weights, outcome.missed, outcome.wander, outcome.unmodelled,
+                outcome.mean.item(COULOMB), _MOVES,
+            )  # fmt: skip
         if outcome.verdict == ACCEPTED:
             self._jumps = self._moves_to_trust = 0
             self._known = True
@@ -327,30 +330,6 @@ class SplitHorizonEstimator:
         shown = sliding_shown(outcome, _LEAST_SHOWN)
         if shown is not None:
             self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
-
-    def _observe_unmodelled(self, outcome: Outcome) -> None:
-        """Learn how much acts beside the model: level, unmodelled force, and what is left.
-
-        Empirical Bayes: a variance is the mean square of what was found, weighed by the share of it
-        that each move determines, so that a move that says nothing changes nothing; over _MOVES
-        moves. Refused moves count: what is refused again and again is expected in the end.
-        """
-        axis, settings = self._axis, self.settings
-        excess = 0.0
-        for name, (square, known), least, usual in (
-            ("model_error", (outcome.missed, 1.0), settings.model_error, settings.model_error),
-            ("wander", outcome.wander, settings.belief.wander, settings.belief.wander),
-            ("unmodelled", outcome.unmodelled, _LEAST_UNMODELLED, 0.0),
-        ):
-            variance = float(axis[name]) ** 2
-            weight = self._weights[name]
-            variance = (weight * variance + square) / (weight + known)
-            variance = max(variance, least**2)
-            self._weights[name] = min(weight + known, _MOVES)
-            axis[name] = math.sqrt(variance)
-            unit = outcome.mean.item(COULOMB) if name == "unmodelled" else 1.0
-            excess += (variance - usual**2) / unit**2
-        axis["excess"] = math.sqrt(excess)
 
     def _observe_innovations(self, outcome: Outcome) -> None:
         """Learn what the moves disagree by; the outcome's covariance then allows for it."""

@@ -1,8 +1,8 @@
 """What is believed of an axis' friction between moves.
 
 `belief` (its mean and covariance), `arrival_cost` (what it costs the next solve, and what it
-becomes by it), `scatter` (figures that differ from move to move), `trend` (of the Coulomb force
-over time).
+becomes by it), `excess` (what acts beside the model), `scatter` (figures that differ from move to
+move), `trend` (of the Coulomb force over time).
 """
 
 from estimation.online.belief.belief import (
