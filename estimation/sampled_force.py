@@ -19,7 +19,16 @@ from dataclasses import replace
 import numpy as np
 
 from estimation.compiled import kernel
-from estimation.friction import F64, FrictionState, follow
+from estimation.friction import (
+    F64,
+    REST_BAND,
+    SUBSTEPS,
+    FrictionState,
+    follow_positions,
+    kernel_figures,
+    make_constants,
+    steps_within,
+)
 from estimation.move import MoveData
 from stagedata import FrictionFigures
 
@@ -96,9 +105,24 @@ def modelled_friction(
         state: friction state at rest before the move; not changed.
         period: of the samples [s].
     """
-    path = move.path
-    force, _ = follow(friction, state.copy(), path, slope(path, period), period)
+    path, follower = move.path, state.copy()
+    force = np.empty(len(path))
+    follow_samples(
+        make_constants(friction), kernel_figures(friction, period),
+        follower.forces, follower.slipping, follower.memory, path,
+        steps_within(friction, SUBSTEPS), force,
+    )  # fmt: skip
     return force
+
+
+@kernel()
+def follow_samples(law, figures, forces, slipping, memory, path, substeps, force):  # type: ignore[no-untyped-def]
+    """`follow_positions` with a constant Fc, speeds from the path, shape (K,), no derivatives."""
+    jacobian = np.empty((path.shape[0], 3))
+    follow_positions(
+        law, figures, np.array([figures.coulomb]), forces, slipping, memory,
+        path, slope(path, figures.period), substeps, REST_BAND, force, jacobian,
+    )  # fmt: skip
 
 
 @kernel()

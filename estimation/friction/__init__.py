@@ -10,7 +10,13 @@ from estimation.friction.feedforward import (
     friction_feedforward,
     remaining_feedforward,
 )
-from estimation.friction.follow import REST_BAND, follow, follow_positions
+from estimation.friction.follow import (
+    REST_BAND,
+    SUBSTEPS,
+    follow,
+    follow_positions,
+    steps_within,
+)
 from estimation.friction.gms import element_shares
 from estimation.friction.law import F64, Figures, FrictionLaw
 from estimation.friction.model import (
@@ -26,6 +32,7 @@ __all__ = [
     "F64",
     "LAWS",
     "REST_BAND",
+    "SUBSTEPS",
     "Figures",
     "FrictionLaw",
     "FrictionState",
@@ -41,5 +48,6 @@ __all__ = [
     "make_constants",
     "remaining_feedforward",
     "state_after",
+    "steps_within",
     "varying_feedforward",
 ]

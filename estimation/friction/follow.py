@@ -29,6 +29,8 @@ from stagedata import FrictionFigures
 
 REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
+SUBSTEPS = 4
+"""Steps inside a sample that is not far above the Stribeck velocity."""
 
 
 @kernel()
@@ -114,7 +116,7 @@ def follow(
     position: F64,
     velocity: F64,
     period: float,
-    substeps: int = 4,
+    substeps: int = SUBSTEPS,
     band: float = REST_BAND,
 ) -> tuple[F64, F64]:
     """Friction force without its viscous part along sampled positions, starting from `state`.

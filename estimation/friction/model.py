@@ -38,7 +38,7 @@ def count_states(friction: FrictionFigures) -> int:
 def kernel_figures(friction: FrictionFigures, period: float) -> Figures:
     """The figures at which compiled calls evaluate the law; `period` of the samples [s]."""
     rate = friction.relaxation_rate
-    kept = law.retained(make_constants(friction), rate, period)
+    kept = LAWS[friction.law].retained(make_constants(friction), rate, period)
     return Figures(friction.coulomb, friction.stiffness, rate, friction.static_ratio, period, kept)
 
 
