@@ -293,11 +293,8 @@ class Mover:
         move, self.move = self.move, None
         if move is None or not self._streamer.has_record:
             return []
-        if self._is_long and any(axis.compensation.observed for axis in self._axes):
-            found = courses(*self._streamer.streamed(), self._period)
-            for axis, course in zip(self._axes, found, strict=False):
-                axis.compensation.acceleration.learn(course)
-        self._look_for_sticking()
+        if any(axis.compensation.observed for axis in self._axes):
+            self._learn_from_corrections()
         learned = []
         for a, (axis, record) in enumerate(zip(self._axes, self._records(), strict=True)):
             result = None
@@ -309,21 +306,19 @@ class Mover:
                 self._friction.report(a, move.kind, result, self.time)
         return learned
 
-    def _look_for_sticking(self) -> None:
-        """Have observers assume no presliding where friction has none."""
-        watching = [
-            a
-            for a, axis in enumerate(self._axes)
-            if axis.compensation.observed and axis.compensation.sticking.watches
-        ]
-        if not watching:
-            return
-        samples, _ = self._streamer.streamed()
-        rests = (np.diff(samples.position_demand, axis=0) == 0.0).all(axis=1)
-        for a in watching:
-            still = samples.valid[1:, a] & rests
-            position, force = samples.position[1:, a], samples.force[1:, a]
-            self._axes[a].compensation.sticking.judge(position, force, still)
+    def _learn_from_corrections(self) -> None:
+        """What a long move lacked; where friction has no presliding, observers assume none."""
+        samples, planned = self._streamer.streamed()
+        if self._is_long:
+            found = courses(samples, planned, self._period)
+            for axis, course in zip(self._axes, found, strict=False):
+                axis.compensation.acceleration.learn(course)
+        rests = (samples.position_demand[1:] == samples.position_demand[:-1]).all(axis=1)
+        for a, axis in enumerate(self._axes):
+            if axis.compensation.sticking.watches:
+                still = samples.valid[1:, a] & rests
+                position, force = samples.position[1:, a], samples.force[1:, a]
+                axis.compensation.sticking.judge(position, force, still)
 
     def _is_instructive(self, a: int, move: Move, record: MoveData) -> bool:
         """Whether the estimator can learn from this move of an axis."""
@@ -378,4 +373,7 @@ def _within(profile: Limits, limits: Limits) -> Limits:
 def _setpoints(motion: Sequence[Trajectory], count: int, period: float) -> F64:
     """Positions at Ts, 2 Ts, ... [m], shape (count, n)."""
     time = np.asarray(np.arange(1, count + 1) * period, dtype=np.float64)
-    return np.column_stack([m.sample(time)[0] for m in motion])
+    setpoints = np.empty((count, len(motion)))
+    for a, m in enumerate(motion):
+        setpoints[:, a] = m.sample(time)[0]
+    return setpoints

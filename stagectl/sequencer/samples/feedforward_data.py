@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.observer import Course
-from stagectl.sequencer.samples.sample_validity import bridged_positions
+from stagectl.sequencer.samples.sample_validity import bridged_positions, is_gapless
 from stagedata import Samples
 
 F64 = NDArray[np.float64]
 
-GAP = 1.5
-"""SYNCs further apart than so many periods are a gap."""
 LEAST_SOUND = 0.9
 """With fewer valid samples than this share, nothing is judged."""
 
@@ -25,7 +23,7 @@ def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
         planned: force offsets before their correction [N], shape (K, n).
         period: Ts [s].
     """
-    if np.any(np.diff(samples.time) > GAP * period) or samples.valid.mean() < LEAST_SOUND:
+    if not is_gapless(samples, period) or samples.valid.mean() < LEAST_SOUND:
         return []
     demand, position = samples.position_demand, bridged_positions(samples)
     correction = samples.force_offset - planned
