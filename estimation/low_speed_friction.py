@@ -23,6 +23,7 @@ F64 = NDArray[np.float64]
 
 SPEEDS = np.geomspace(2e-3, 5e-2, 17)
 """Speeds over which the force may decay [m/s]."""
+_PLACES, _LOG_SPEEDS = np.arange(len(SPEEDS)), np.log(SPEEDS)
 FASTEST = 0.1
 """Faster than this, none of it is left [m/s]."""
 SLOWEST = 1e-3
@@ -76,6 +77,7 @@ class LowSpeedFriction:
         self._value = 0.0
         rest, sums = np.zeros(2), np.zeros((len(SPEEDS), 3))
         self._add_up = machine_code(add_up, rest, rest, rest, 0, period, SPEEDS, sums)
+        _misfit(sums, coulomb)
 
     def force(self, velocity: F64) -> F64:
         """Along velocities [m/s]: force [N], same shape."""
@@ -152,9 +154,8 @@ class LowSpeedFriction:
         if 0 < at < len(SPEEDS) - 1:  # the vertex of the parabola through three speeds
             below, lowest, above = misfit[at - 1 : at + 2]
             aside = 0.5 * float((below - above) / (below - 2.0 * lowest + above))
-        places = np.arange(len(SPEEDS))
-        level = float(np.interp(at + aside, places, values))
-        self.speed = float(np.exp(np.interp(at + aside, places, np.log(SPEEDS))))
+        level = float(np.interp(at + aside, _PLACES, values))
+        self.speed = float(np.exp(np.interp(at + aside, _PLACES, _LOG_SPEEDS)))
         agrees = self._after <= EXPLAINED * self._before
         certain = abs(level) > LEAST * coulomb + SIGNIFICANT / np.sqrt(own[at])
         # What dies out faster than the lowest speed is presliding, which the law has or has not.
@@ -162,10 +163,15 @@ class LowSpeedFriction:
         self.level = level if self._moves > 1 and agrees and certain and likely else 0.0
 
 
-def _misfit(sums: F64, spread: float) -> F64:
-    """What each speed leaves of the force, with a spread of its level beforehand [N]; 0: none."""
-    own = sums[:, 0] + (spread**-2 if spread else 1e-12)
-    misfit: F64 = sums[:, 2] - sums[:, 1] ** 2 / own
+@kernel()
+def _misfit(sums, spread):  # type: ignore[no-untyped-def]
+    """What each speed leaves of the force, shape (S,), with a spread of its level beforehand [N].
+
+    `sums` as of `add_up`; a spread of 0 is none.
+    """
+    misfit, known = np.empty(sums.shape[0]), spread**-2 if spread > 0.0 else 1e-12
+    for s in range(sums.shape[0]):
+        misfit[s] = sums[s, 2] - sums[s, 1] ** 2 / (sums[s, 0] + known)
     return misfit
 
 
