@@ -64,8 +64,6 @@ def with_mean_force(
         commanded: force offset in force at each sample, shape (K,): what of the force has kinks;
             None: all of it.
     """
-    if len(move.valid) < 3 or not move.valid.any():
-        return move
     disturbed = _NOT_ANY if move.disturbed is None else move.disturbed
     mean = move.force.copy()
     add_bends(

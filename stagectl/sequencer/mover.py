@@ -239,7 +239,7 @@ class Mover:
                 return done
             records = self._records()
             for a in revisions[row]:
-                if records[a].valid.sum() < LEAST_VALID:
+                if np.count_nonzero(records[a].valid) < LEAST_VALID:
                     continue
                 revised = self._axes[a].compensation.revise_offsets(
                     motion[a],
@@ -323,7 +323,9 @@ class Mover:
     def _is_instructive(self, a: int, move: Move, record: MoveData) -> bool:
         """Whether the estimator can learn from this move of an axis."""
         axis = self._axes[a]
-        if abs(move.distance(axis.name)) < axis.increment or record.valid.sum() < LEAST_VALID:
+        if abs(move.distance(axis.name)) < axis.increment:
+            return False
+        if np.count_nonzero(record.valid) < LEAST_VALID:
             return False
         varies = self._friction.varies
         return self._friction.is_known(move.kind) and not (varies and self._short_motion[a])

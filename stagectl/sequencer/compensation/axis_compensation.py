@@ -443,7 +443,10 @@ class AxisCompensation:
         if self._loop is None:
             return force
         added = chord_force(self._loop, trajectory, sent + len(force), self._period)
-        return np.asarray(force - added[sent:] + (added[sent - 1] if sent else 0.0))
+        force -= added[sent:]
+        if sent:
+            force += added[sent - 1]
+        return force
 
     def _modelled_friction(self, move: MoveData, model: FrictionFigures) -> F64 | None:
         """Friction force of a model at a move's samples; None where the state is not known."""

@@ -23,7 +23,8 @@ def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
         planned: force offsets before their correction [N], shape (K, n).
         period: Ts [s].
     """
-    if not is_gapless(samples, period) or samples.valid.mean() < LEAST_SOUND:
+    sound = np.count_nonzero(samples.valid)
+    if not is_gapless(samples, period) or sound < LEAST_SOUND * samples.valid.size:
         return []
     demand, position = samples.position_demand, bridged_positions(samples)
     correction = samples.force_offset - planned
