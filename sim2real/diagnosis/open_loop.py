@@ -116,8 +116,8 @@ def diagnose_open_loop(
             own = {n: e for n, e in library.items() if e.searched and n not in _left_out(unknown)}
             advance = partial(_advance, progress, number, len(names))
             axes.append(_searched(name, loop, search_free(loop, own, advance)))
-    progress("effects", 100 * len(names), 100 * len(names))
-    return _conclude(examined, axes)
+        progress("effects", 100 * len(names), 100 * len(names))
+        return _conclude(examined, axes)
 
 
 def _advance(progress: Progress, number: int, count: int, share: float) -> None:

@@ -25,7 +25,7 @@ def examined(machine, folder):
 
 
 def report_of(machine, folder):
-    found = diagnose(examined(machine, folder), {"a": 0.02}, library(), jobs=1)
+    found = diagnose(examined(machine, folder), {"a": 0.02}, library(), jobs=2)
     assert found.report.mode == "open_loop"
     return found.report
 
