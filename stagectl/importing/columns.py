@@ -14,7 +14,6 @@ from stagectl.importing.plc_trace import read_plc_trace
 from stagectl.importing.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
-TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".log")
 _READERS = {
     ".mat": read_matlab,
     ".npz": read_arrays,
@@ -47,11 +46,8 @@ class Columns:
         suffix = path.suffix.lower()
         if suffix in _READERS:
             self._numbers = _READERS[suffix](path)
-        elif suffix in TEXT_FILES:
-            self._read_text(preamble)
         else:
-            known = ", ".join((*_READERS, *TEXT_FILES))
-            raise UnusableInput(f"{path}: {suffix or 'no suffix'}: only {known} are read")
+            self._read_text(preamble)
         if not self._numbers and not self._not_numbers:
             raise UnusableInput(f"{path}: no numeric column")
 

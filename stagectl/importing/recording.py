@@ -28,6 +28,7 @@ _SPARSE = 1.5
 _HOLE = 2.5
 """Usual distances of the samples beyond which there is a hole, in which nothing is valid."""
 _MOST_DELAY = 1000
+_READ_BETWEEN = "; `resample: true` reads between the others"
 _SMOOTHED = 11
 """Samples over which a measured position becomes the demand where none was logged."""
 
@@ -91,8 +92,10 @@ def _read(
     disordered = steps < 0 if how.resample else steps <= 0
     if np.any(disordered):
         sample = int(np.argmax(disordered)) + 1
-        late = "earlier than" if how.resample else "not later than"
-        raise UnusableInput(f"{path}: time: sample {sample}: {late} the one before")
+        late = "earlier than the one before"
+        if not how.resample and steps[sample - 1] == 0.0:
+            late = "not later than the one before; `resample: true` takes the first of the two"
+        raise UnusableInput(f"{path}: time: sample {sample}: {late}")
     return _File(columns, values, has_time=True)
 
 
@@ -144,7 +147,7 @@ class _Channels:
                     f"{file.columns.path}: column {name}: {len(values)} samples, "
                     f"the demand has {len(self.time)}"
                 )
-            _refuse_gaps(file.columns.path, name, values)
+            _refuse_gaps(file.columns.path, name, values, _READ_BETWEEN)
             return _integral(values, self.time) if column.integrate else values, none
         at = (file.time if file.has_time else first.time) - first.time[0]
         if len(values) != len(at):
@@ -204,10 +207,10 @@ def _integral(velocity: FloatArray, at: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def _refuse_gaps(path: Path, name: str, values: FloatArray) -> None:
+def _refuse_gaps(path: Path, name: str, values: FloatArray, remedy: str = "") -> None:
     if not np.all(np.isfinite(values)):
         sample = int(np.argmin(np.isfinite(values)))
-        raise UnusableInput(f"{path}: column {name}: sample {sample}: is {values[sample]}")
+        raise UnusableInput(f"{path}: column {name}: sample {sample}: is {values[sample]}{remedy}")
 
 
 def _check_time(time: FloatArray, period: float, path: Path) -> None:

@@ -2,8 +2,10 @@
 
 They may begin with other lines, have more lines of header (units, or those of a TwinCAT scope with
 numbers of their own), a header behind # or %, text columns beside the numbers, delimiters at the
-end of each line, a mark of the end, and any of , ; tab or blanks between cells; with ; or tab a
-comma may be the decimal point. Text is UTF-8, UTF-16 with its mark, or else Windows-1252.
+end of each line, and any of , ; tab or blanks between cells; with ; or tab a comma may be the
+decimal point. Thousands may be grouped, by the other of the two. What follows the last row of
+numbers is left out: sums, marks of the end, a line that was cut. Text is UTF-8, UTF-16 with its
+mark, or else Windows-1252.
 """
 
 from __future__ import annotations
@@ -19,8 +21,11 @@ from pathlib import Path
 from stagectl.errors import UnusableInput
 
 _COMMENT = ("#", "%")
-_END = "EOF"
-"""The last line of some exports."""
+_GROUPED = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?"),
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?"),
+}
+"""Numbers with groups of thousands, by their decimal point."""
 _JUDGED = 50
 """Rows at the end that show which columns have numbers."""
 
@@ -61,35 +66,44 @@ def read_table(path: Path, preamble: int | None) -> TextTable:
             comments.append((number, line.lstrip("#% \t")))
         else:
             lines.append((number, line))
-    if lines and lines[-1][1].rstrip(";,\t ") == _END:
-        lines.pop()
     if not lines:
         raise UnusableInput(f"{path}: empty")
-    delimiter, decimal = _find_delimiter([line for _, line in lines])
+    delimiter = _find_delimiter([line for _, line in lines])
     rows = _split([line for _, line in lines], delimiter)
-    width = len(rows[0]) if preamble is not None else _usual_width(rows)
-    first = _first_row(rows, width, decimal)
-    if first is None:
+    full = width = len(rows[0]) if preamble is not None else _usual_width(rows)
+    decimal = _find_decimal(rows, width, delimiter)
+    of_numbers = _rows_of_numbers(rows, width, decimal)
+    if not of_numbers:
         raise UnusableInput(f"{path}: no row of numbers")
-    body, numbers = rows[first:], [number for number, _ in lines[first:]]
+    first, stop = of_numbers[0], of_numbers[-1] + 1
+    body, numbers = rows[first:stop], [number for number, _ in lines[first:stop]]
     for number, row in zip(numbers, body, strict=True):
         if len(row) != width:
             raise UnusableInput(
                 f"{path}: row {number}: {len(row)} values, the first row has {width}"
             )
-    if width > 1 and not any(row[-1] for row in body):
-        width -= 1  # each line ends with a delimiter
-        body = [row[:-1] for row in body]
-    above = [_trimmed(row, width) for row in rows[_block(lines[:first]) : first]]
+    while width > 1 and not any(row[width - 1] for row in body):
+        width -= 1  # each line ends with a delimiter, or with an empty column
+    above = [_header_of(row, width, full) for row in rows[_block(lines[:first]) : first]]
     behind = [line for number, line in comments if number < numbers[0]][-1:]
-    names = _header(above) or _header([_trimmed(r, width) for r in _split(behind, delimiter)])
+    names = _header(above) or _header(
+        [_header_of(row, width, full) for row in _split(behind, delimiter)]
+    )
     return TextTable(
-        _distinct(names or list(map(str, range(1, width + 1)))), body, numbers, decimal
+        _distinct(names or list(map(str, range(1, width + 1)))),
+        [row[:width] for row in body],
+        numbers,
+        decimal,
     )
 
 
 def to_number(text: str, decimal: str = ".") -> float | None:
     """The number in a cell; None where it is none."""
+    group = "." if decimal == "," else ","
+    if group in text:
+        if not _GROUPED[decimal].fullmatch(text):
+            return None
+        text = text.replace(group, "")
     try:
         return float(text.replace(decimal, "."))
     except ValueError:
@@ -108,17 +122,30 @@ def _read_text(path: Path) -> str:
                 raise
             return content.decode("cp1252")
     except (OSError, UnicodeError) as error:
-        raise UnusableInput(f"{path}: not readable text") from error
+        raise UnusableInput(
+            f"{path}: not readable text; export it as .csv, .mat, .npz or .h5"
+        ) from error
 
 
-def _find_delimiter(lines: Sequence[str]) -> tuple[str | None, str]:
-    """What separates cells, None for blanks; and the decimal point."""
+def _find_delimiter(lines: Sequence[str]) -> str | None:
+    """What separates cells; None for blanks."""
     uses = {d: sum(d in line for line in lines) for d in ";\t,"}
     delimiter = max(uses, key=lambda d: uses[d])
-    if uses[delimiter] < len(lines) / 2:  # a preamble may hold any character
-        return None, "."
-    last = lines[-1]
-    return delimiter, "," if delimiter in ";\t" and "," in last and "." not in last else "."
+    # A preamble may hold any character.
+    return delimiter if uses[delimiter] >= len(lines) / 2 else None
+
+
+def _find_decimal(rows: Sequence[Sequence[str]], width: int, delimiter: str | None) -> str:
+    """The decimal point with which more of the last cells are numbers."""
+    if delimiter not in (";", "\t"):
+        return "."
+    last = [row for row in rows if len(row) == width][-_JUDGED:]
+    cells = [cell for row in last for cell in row if "," in cell or "." in cell]
+    points, commas = (
+        sum(to_number(cell, decimal) is not None for cell in cells) for decimal in ".,"
+    )
+    alike = commas == points and any("," in cell for cell in cells)
+    return "," if commas > points or alike else "."
 
 
 def _split(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
@@ -134,20 +161,21 @@ def _usual_width(rows: Sequence[Sequence[str]]) -> int:
     return max(counts, key=lambda width: counts[width])
 
 
-def _first_row(rows: Sequence[Sequence[str]], width: int, decimal: str) -> int | None:
-    """The first row of numbers; lines of the header have text in the first column of numbers."""
-    full = [(number, row) for number, row in enumerate(rows) if len(row) == width]
+def _rows_of_numbers(rows: Sequence[Sequence[str]], width: int, decimal: str) -> list[int]:
+    """Indices of the rows of numbers; other lines have text in the first column of numbers."""
+    full = [(index, row) for index, row in enumerate(rows) if len(row) == width]
     last = [row for _, row in full[-_JUDGED:]]
     filled = [sum(to_number(row[c], decimal) is not None for row in last) for c in range(width)]
     if not any(filled):
-        return None
+        return []
     column = next(c for c, count in enumerate(filled) if 2 * count >= max(filled))
-    for number, row in full:
-        if to_number(row[column], decimal) is not None:
-            return number
-        if not row[column] and any(to_number(cell, decimal) is not None for cell in row):
-            return number
-    return None
+
+    def has_numbers(row: Sequence[str]) -> bool:
+        if row[column]:
+            return to_number(row[column], decimal) is not None
+        return any(to_number(cell, decimal) is not None for cell in row)
+
+    return [index for index, row in full if has_numbers(row)]
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
@@ -160,11 +188,17 @@ def _distinct(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _trimmed(row: list[str], width: int) -> list[str] | None:
-    """A line above the numbers, if it is as wide as they are, delimiters at its end aside."""
-    while len(row) > width and not row[-1]:
+def _header_of(row: list[str], width: int, full: int) -> list[str] | None:
+    """A line above the numbers, as far as these go; None where it has not as many cells.
+
+    Args:
+        row: its cells.
+        width: columns with values.
+        full: cells of a row of numbers, empty ones at its end included.
+    """
+    while len(row) > full and not row[-1]:
         row = row[:-1]
-    return row if len(row) == width else None
+    return row[:width] if width <= len(row) <= full else None
 
 
 def _block(above: Sequence[tuple[int, str]]) -> int:

@@ -131,7 +131,7 @@ def test_an_angle_that_begins_anew_is_unwrapped(columns, tmp_path):
 def test_samples_of_one_instant_count_once(columns, tmp_path):
     twice = {name: np.repeat(values, 2) for name, values in columns.items()}
     path = csv_of(twice, tmp_path / "a.csv")
-    with pytest.raises(UnusableInput, match="sample 1: not later"):
+    with pytest.raises(UnusableInput, match=r"sample 1: not later .* `resample: true`"):
         read(tmp_path, path, "time: {column: t}\n")
     slide = read(tmp_path, path, "time: {column: t}\nresample: true\n").axes["slide"]
     np.testing.assert_allclose(slide.force_actual, columns["vir"], atol=1e-9)
@@ -140,10 +140,13 @@ def test_samples_of_one_instant_count_once(columns, tmp_path):
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (lambda c: c | {"qm": np.where(np.arange(3000) == 7, np.nan, c["qm"])}, "qm: sample 7"),
+        (
+            lambda c: c | {"qm": np.where(np.arange(3000) == 7, np.nan, c["qm"])},
+            "qm: sample 7: is nan; `resample",
+        ),
         (lambda c: {k: v for k, v in c.items() if k != "vir"}, "no column 'vir'; it has qg, qm"),
         (lambda c: c | {"t": c["t"] * 100}, "0.1 s apart"),
-        (lambda c: c | {"t": c["t"][::-1]}, "not later"),
+        (lambda c: c | {"t": c["t"][::-1]}, "earlier than the one before"),
         (lambda c: c | {"qm": c["qm"][:100]}, "100 samples, the demand has 3000"),
     ],
 )

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 
 from stagectl.errors import UnusableInput
+from stagectl.importing.text_table import read_table, to_number
 from tests.unit.stagectl.logged_data import AXIS, csv_of, read
+
+
+@pytest.fixture
+def table_of(tmp_path):
+    def read_text(text):
+        path = tmp_path / "table.csv"
+        path.write_text(text)
+        return read_table(path, None)
+
+    return read_text
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
@@ -26,6 +37,35 @@ def test_decimal_commas(columns, tmp_path):
     path.write_text(path.read_text().replace(".", ","))
     slide = read(tmp_path, path).axes["slide"]
     np.testing.assert_allclose(slide.force_actual, columns["vir"])
+
+
+@pytest.mark.parametrize(("decimal", "group"), [(",", "."), (".", ",")])
+def test_thousands_in_groups(columns, tmp_path, decimal, group):
+    rows = [f"{1e6 * v:,.3f}" for v in columns["qg"]]
+    marks = str.maketrans({".": decimal, ",": group})
+    path = csv_of(columns, tmp_path / "a.csv", delimiter=";")
+    lines = path.read_text().replace(".", decimal).splitlines()
+    cells = [line + ";" + row.translate(marks) for line, row in zip(lines[1:], rows, strict=True)]
+    path.write_text("\n".join([lines[0] + ";wide", *cells]))
+    axis = AXIS.replace("{column: qg}", "{column: wide, unit: um}")
+    slide = read(tmp_path, path, axis=axis).axes["slide"]
+    np.testing.assert_allclose(slide.position_demand, columns["qg"], atol=1e-9)
+
+
+def test_three_decimals_are_no_group_of_thousands(table_of):
+    table = "a;b\n12,345;1,250\n13,345;2,500\n"
+    assert to_number("1,234", ",") == 1.234
+    assert to_number("1.234.567,5", ",") == 1234567.5
+    assert to_number("1.5", ",") is None
+    assert to_number("0,123") is None
+    assert table_of(table).decimal == ","
+
+
+@pytest.mark.parametrize("end", ["EOF", "Sum;;12", "# 3 errors", "1.0;2", ";;;"])
+def test_what_follows_the_numbers_is_left_out(table_of, end):
+    found = table_of(f"t;q;note\n1.0;2.0;\n2.0;3.0;\n{end}\n")
+    assert found.names == ["t", "q"]
+    assert found.rows == [["1.0", "2.0"], ["2.0", "3.0"]]
 
 
 def test_header_behind_a_comment_sign_and_delimiters_at_the_ends(columns, tmp_path):
