@@ -3,7 +3,8 @@
 Positions are differentiated twice, which amplifies their noise with the square of frequency. So
 they are low-passed (forward and backward, without delay), and the forces of recording and model an
 octave lower, alike. The cutoff is the highest at which the noise of mass times acceleration stays
-below that of the force itself, or below a hundredth of the force.
+below that of the force itself, or below a hundredth of the force, and that of the acceleration
+below a tenth of it: a mass found by least squares is too small by the square of that share.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _SLOWEST, _FASTEST = 0.5, 0.2
 """Lowest cutoff of the force [Hz], and the highest over the sample rate."""
 _ENOUGH = 0.01
 """Noise of mass times acceleration that is always accepted, as a share of the rms force."""
+_PART = 0.1
+"""Largest noise of the acceleration, as a share of its rms below the cutoff."""
 _ORDER = 3
 """Of the low-pass, which runs forward and backward."""
 _STILL, _SIGMAS = 0.003, 4.0
@@ -180,11 +183,21 @@ def _choose_cutoff(
     accelerating = mass * of_position * np.sqrt(2.0 * period * rate**4 * frequencies**5 / 5.0)
     own = of_force * np.sqrt(2.0 * period * frequencies)
     allowed = np.maximum(own, _ENOUGH * float(np.std(force)))
+    inertial = mass * _acceleration_below(frequencies, position, period)
+    allowed = np.minimum(allowed, _PART * inertial)
     best = int(np.flatnonzero(accelerating <= allowed)[-1:].sum())
     cutoff = float(frequencies[best])
     noise = float(np.hypot(accelerating[best], own[best]))
     jitter = of_position * math.sqrt(2.0 * period * rate**2 * (2.0 * cutoff) ** 3 / 3.0)
     return cutoff, noise, jitter
+
+
+def _acceleration_below(frequencies: F64, position: F64, period: float) -> F64:
+    """Acceleration up to each frequency [Hz], rms, its noise included, float64[F] [m/s^2]."""
+    power = np.abs(np.fft.rfft(np.diff(position, 2) / period**2)) ** 2
+    count = len(position) - 2
+    cumulated = 2.0 * np.cumsum(power) / count**2
+    return np.asarray(np.sqrt(np.interp(frequencies, np.fft.rfftfreq(count, period), cumulated)))
 
 
 def _white_noise(values: F64) -> float:
