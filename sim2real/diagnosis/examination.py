@@ -287,7 +287,7 @@ def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Ex
         if not any(examined.unknown.values()):
             break
         try:
-            settings = fit_figures(motions, settings, examined.unknown)
+            settings = fit_figures(motions, examined.settings, examined.unknown)
         except ValueError as error:
             return replace(examined, insufficient=str(error))
     moves = min(len(motion.recording.moves) for motion in motions)

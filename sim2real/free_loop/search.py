@@ -44,6 +44,11 @@ from stagedata import BoolArray
 F64 = NDArray[np.float64]
 
 
+_FLIPS, _CHANCE = 4000, 0.02
+"""Random signs of the moves' changes that are tried, and how many of them may add up to as much: as
+many as exceed two standard deviations."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """One step of the selection (in a report: `sim2real.report.SelectionStep`).
@@ -154,9 +159,10 @@ def search_free(
         folds = fit_folds(loop, current.model, folds)
         left = _held_out(loop, folds)
         gained, uncertainty = _fall(loop, held, left)
+        certain = gained >= SIGMAS * uncertainty or _is_alike(held - left)
         names, before = current.model.names(), found.best.model.names()
         progress(len(names) / MOST_EFFECTS)
-        if gained < max(SIGMAS * uncertainty, VISIBLE):
+        if gained < VISIBLE or not certain:
             if len(names) - len(before) >= PATIENCE:
                 break
             continue
@@ -309,6 +315,18 @@ def _held_out(loop: FreeLoop, fits: Sequence[FreeFit]) -> F64:
     """Energies of the moves, each by the fit that did not see it, float64[moves]."""
     each = np.array([loop.energies(f.residual) for f in fits])
     return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
+
+
+def _is_alike(change: F64) -> bool:
+    """Whether moves change so much alike that chance, which gives each its sign, hardly does it.
+
+    What fades changes the first moves most, so that its scatter over moves says little.
+
+    Args:
+        change: of the moves' energies, float64[moves].
+    """
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (_FLIPS, len(change)))
+    return bool(np.mean(signs @ change >= change.sum()) < _CHANCE)
 
 
 def _fall(loop: FreeLoop, before: F64, after: F64) -> tuple[float, float]:

@@ -1,19 +1,25 @@
 """Figures that a machine file leaves unknown, fitted to the motion and its force.
 
-Least squares on the force in motion: mass times acceleration, Coulomb and viscous friction, plus a
-smooth force over position that is fitted but not reported (weight, springs). The figures are start
+Least squares on the force in motion: mass times acceleration, viscous friction, the friction law's
+force along that motion per newton of the Coulomb force, and what is fitted but not reported: a
+smooth force over position (weight, springs), and friction that changes over time. Of presliding
+stiffnesses that are half a decade apart, the one is taken that leaves least. The figures are start
 values of the search, which fits them again together with the effects.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import eval_legendre
 
+from hil_sim.plant import force_variants
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.axis_units import unit_on
 from sim2real.open_loop.motion import Motion
 
 F64 = NDArray[np.float64]
@@ -22,6 +28,16 @@ FIGURES = {"mass": "kg", "coulomb": "N", "viscous": "N s/m"}
 """Figures that may be unknown, and their units."""
 _POWERS = (0, 1, 2, 3)
 """Powers of position in the smooth force that is fitted but not reported."""
+_DRIFT = (1, 2)
+"""Degrees of the Legendre polynomials of time in the friction that is fitted but not reported: on
+average they are 0."""
+_STIFFER = (30.0, 10.0, 3.0, 1.0, 1.0 / 3.0, 0.1, 1.0 / 30.0)
+"""Ratios of the presliding stiffnesses that are tried to the one in place of an unknown one. Softer
+ones would pass for forces over position."""
+_PARTS = 8
+"""Parts of the recordings, each left out once, that show how well a mass is known."""
+_CERTAIN = 2.0
+"""Standard deviations by which a mass must differ from 0."""
 _LEAST_FRICTION = 1e-6
 """Lower limit of Coulomb friction, as a share of the rms force: a plant always has some."""
 
@@ -43,7 +59,8 @@ def fit_figures(
     for axis in settings.axes:
         others = tuple(unknown.get(axis.name, ()))
         names = tuple(key for key in FIGURES if key in others)
-        axes.append(_fit_axis(motions, axis, names, others) if names else axis)
+        open_figures = names or "stiffness" in others
+        axes.append(_fit_axis(motions, axis, names, others) if open_figures else axis)
     return replace(settings, axes=tuple(axes))
 
 
@@ -61,39 +78,127 @@ def _fit_axis(
     motions: Sequence[Motion], axis: AxisSettings, names: Sequence[str], others: Sequence[str]
 ) -> AxisSettings:
     """The axis with these figures fitted; `others` are all that are unknown."""
-    rows, targets = [], []
-    reach = max(float(np.abs(m.axes[axis.name].position).max()) for m in motions)
-    own = {"mass": axis.mass, "coulomb": axis.friction.coulomb, "viscous": axis.friction.viscous}
-    for motion in motions:
-        moved = motion.axes[axis.name]
-        parts = {
-            "mass": moved.acceleration,
-            "coulomb": np.sign(moved.velocity),
-            "viscous": moved.velocity,
-        }
-        low = {key: motion.low_pass(axis.name, part)[moved.usable] for key, part in parts.items()}
-        place = moved.position[moved.usable] / max(reach, 1e-12)
-        rows.append(
-            np.column_stack([*(low[key] for key in names), *(place**power for power in _POWERS)])
-        )
-        known = sum(own[key] * low[key] for key in FIGURES if key not in names)
-        targets.append(moved.force[moved.usable] - known)
-    matrix, target = np.concatenate(rows), np.concatenate(targets)
-    if len(target) <= matrix.shape[1]:
-        raise ValueError(f"axis {axis.name}: too little motion to find {' and '.join(names)}")
-    size = np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-12)
-    found = np.linalg.lstsq(matrix / size, target, rcond=1e-9)[0] / size
-    figures = dict(zip(names, map(float, found), strict=False))
-    if figures.get("mass", 1.0) <= 0.0:
-        raise ValueError(
-            f"axis {axis.name}: the mass is unknown, and its motion takes a force that falls with "
-            f"acceleration ({figures['mass']:.3g} kg): check the force's sign and delay"
-        )
-    least = _LEAST_FRICTION * float(np.std(target))
+    stiffer = _STIFFER if "stiffness" in others else (1.0,)
+    fits = [
+        _Fit(motions, axis, names, friction) for friction in _friction_alone(motions, axis, stiffer)
+    ]
+    best = min(range(len(fits)), key=lambda number: fits[number].left)
+    figures = dict(zip(names, fits[best].found, strict=False))
+    if "mass" in figures:
+        _require_mass(axis, figures["mass"], fits[best].scatter())
+    least = _LEAST_FRICTION * float(np.std(fits[best].target))
     for key in {"coulomb", "viscous"} & figures.keys():
         figures[key] = max(figures[key], least if key == "coulomb" else 0.0)
-    if (
-        "stiffness" in others and "coulomb" in figures
-    ):  # also unknown: keep the breakaway distance as before
-        figures["stiffness"] = axis.friction.stiffness * figures["coulomb"] / own["coulomb"]
+    if "stiffness" in others:  # the breakaway distance as it was tried
+        before = axis.friction.coulomb
+        ratio = stiffer[best] * figures.get("coulomb", before) / before
+        figures["stiffness"] = axis.friction.stiffness * ratio
     return with_figures(axis, figures)
+
+
+def _friction_alone(
+    motions: Sequence[Motion], axis: AxisSettings, stiffer: Sequence[float]
+) -> list[list[F64]]:
+    """Friction without its viscous part, per newton of the Coulomb force, along each motion.
+
+    For each ratio of presliding stiffnesses.
+    """
+    level = axis.friction.coulomb
+    variants = [
+        with_figures(
+            replace(axis, effects=()),
+            {"viscous": 0.0, "stiffness": axis.friction.stiffness * ratio},
+        )
+        for ratio in stiffer
+    ]
+    alone = []
+    for motion in motions:
+        own = motion.axes[axis.name]
+        course = (own.position, own.velocity, own.acceleration)
+        force = force_variants(motion.period, variants, course, motion.start)
+        alone.append((force - axis.mass * own.acceleration[:, None]) / level)
+    return [[force[:, number] for force in alone] for number in range(len(stiffer))]
+
+
+class _Fit:
+    """Figures of an axis, fitted to the usable samples of all recordings.
+
+    Args:
+        motions: of the recordings.
+        axis: with the figures that are known.
+        names: of those that are fitted.
+        friction: per newton of the Coulomb force along each motion, float64[K] each.
+
+    Attributes:
+        target: the force without that of known figures, float64[P] [N].
+        found: the figures.
+        left: what they leave, squared and summed [N^2].
+
+    Raises:
+        ValueError: too few samples.
+    """
+
+    def __init__(
+        self,
+        motions: Sequence[Motion],
+        axis: AxisSettings,
+        names: Sequence[str],
+        friction: Sequence[F64],
+    ) -> None:
+        reach = max(float(np.abs(m.axes[axis.name].position).max()) for m in motions)
+        own = {
+            "mass": axis.mass,
+            "coulomb": axis.friction.coulomb,
+            "viscous": axis.friction.viscous,
+        }
+        rows, targets = [], []
+        for motion, sliding in zip(motions, friction, strict=True):
+            moved = motion.axes[axis.name]
+            parts = {"mass": moved.acceleration, "coulomb": sliding, "viscous": moved.velocity}
+            low = {
+                key: motion.low_pass(axis.name, part)[moved.usable] for key, part in parts.items()
+            }
+            place = moved.position[moved.usable] / max(reach, 1e-12)
+            smooth = [place**power for power in _POWERS]
+            when = np.linspace(-1.0, 1.0, len(sliding))[moved.usable]
+            smooth += [low["coulomb"] * eval_legendre(degree, when) for degree in _DRIFT]
+            rows.append(np.column_stack([*(low[key] for key in names), *smooth]))
+            known = sum(own[key] * low[key] for key in FIGURES if key not in names)
+            targets.append(moved.force[moved.usable] - known)
+        self._columns, self.target = np.concatenate(rows), np.concatenate(targets)
+        if len(self.target) <= self._columns.shape[1]:
+            raise ValueError(f"axis {axis.name}: too little motion to find {' and '.join(names)}")
+        solved = _least_squares(self._columns, self.target)
+        self.found = [float(value) for value in solved[: len(names)]]
+        self.left = float(np.sum((self.target - self._columns @ solved) ** 2))
+
+    def scatter(self) -> float:
+        """Standard deviation of the first figure, by a jackknife."""
+        parts = np.array_split(np.arange(len(self.target)), _PARTS)
+        without = [
+            _least_squares(np.delete(self._columns, p, axis=0), np.delete(self.target, p))[0]
+            for p in parts
+        ]
+        return float(np.std(without)) * math.sqrt(_PARTS - 1)
+
+
+def _least_squares(columns: F64, target: F64) -> F64:
+    size = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)
+    return np.asarray(np.linalg.lstsq(columns / size, target, rcond=1e-9)[0] / size)
+
+
+def _require_mass(axis: AxisSettings, mass: float, sigma: float) -> None:
+    """Refuse a mass that is not positive."""
+    if mass > 0.0:
+        return
+    found = f"axis {axis.name}: the mass is unknown, and its motion"
+    size = f"{mass:.3g} ± {sigma:.2g} {unit_on(axis, 'kg')}"
+    if mass < -_CERTAIN * sigma:
+        raise ValueError(
+            f"{found} takes a force that falls with acceleration ({size}): "
+            f"check the force's sign and delay"
+        )
+    raise ValueError(
+        f"{found} does not tell it ({size}): state an estimate in the machine "
+        f"file, or record harder accelerations, at a higher rate or with a finer position"
+    )
