@@ -15,7 +15,7 @@ from sim2real.diagnosis.examination import (
     report_without_causes,
     why_insufficient,
 )
-from sim2real.diagnosis.other_recordings import judge_elsewhere
+from sim2real.diagnosis.other_recordings import examine_others, judge_elsewhere
 from sim2real.diagnosis.procedure import diagnose
 from sim2real.diagnosis.verdict import Diagnosis
 
@@ -27,6 +27,7 @@ __all__ = [
     "continue_clock",
     "diagnose",
     "examine",
+    "examine_others",
     "judge_elsewhere",
     "report_without_causes",
     "why_insufficient",

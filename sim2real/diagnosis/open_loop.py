@@ -76,6 +76,7 @@ _SAME_AS = {
     "mass": ("payload_mass", "force_constant"),
     "coulomb": ("coulomb_level",),
     "viscous": ("viscous_damping",),
+    "stiffness": ("presliding_stiffness",),
 }
 """Figure -> effects that only change it: they are not searched for where the figure is unknown."""
 _BEHIND = ("dead_time", "current_bandwidth")
@@ -199,7 +200,12 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         gap=_explained_gap(examined, axes),
     )
     return Diagnosis(
-        report, models, {}, _explained(examined, axes), moved_figures(examined.settings, models)
+        report,
+        models,
+        {},
+        _explained(examined, axes),
+        moved_figures(examined.settings, models),
+        steps={a.name: tuple(step.model for step in a.found.steps) for a in axes},
     )
 
 
@@ -277,7 +283,7 @@ def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:
         )
         if others:
             why = "along this motion one fits nearly as well as the other"
-            alike.append(Confusable(axis.name, (term.name, *others), why))
+            alike.append(Confusable(axis.name, (term.name, *dict.fromkeys(others)), why))
     return causes, alike
 
 

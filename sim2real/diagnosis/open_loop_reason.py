@@ -9,6 +9,7 @@ from sim2real.diagnosis.examination import Examination
 from sim2real.diagnosis.verdict import name_causes
 from sim2real.fitting import implausibility
 from sim2real.free_loop import FreeSearch
+from sim2real.open_loop import FIGURES
 from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
 from sim2real.scoring.constants import CLOSED, STRANGE
 from sim2real.shrinkage import FLOOR_LEVEL
@@ -32,9 +33,17 @@ def give_reason(
         size: of the gap in force, in floors.
         examined: the recordings.
     """
-    mode = f"{examined.open_loop}, so forces are compared along the measured motion"
+    highest = min(own.cutoff for motion in examined.motions for own in motion.axes.values())
+    mode = (
+        f"{examined.open_loop}, so forces are compared along the measured motion, "
+        f"up to {highest:.3g} Hz"
+    )
     gap = f"the gap in force is {size:.3g} times the floor"
     if verdict in (NO_GAP, INSUFFICIENT):
+        fitted = [f for figures in examined.unknown.values() for f in figures if f in FIGURES]
+        if fitted:
+            names = " and ".join(dict.fromkeys(fitted))
+            return f"{mode}; with {names} as fitted {gap}: noise, and repeatability of friction"
         return f"{mode}; {gap}: within the machine file's tolerance and repeatability"
     if causes:
         verb = "closes" if len(causes) == 1 else "close"

@@ -1,19 +1,60 @@
 """Validates a diagnosis on recordings that took no part in it.
 
-The effects found are simulated there with the figures that they have; nothing is fitted again.
+The effects found are simulated there, or compared along their motion where the diagnosis was, with
+the figures that they have; nothing is fitted again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from sim2real.diagnosis.examination import Examination
+from hil_sim.settings import StageSettings
+from sim2real.audit import repair_samples
+from sim2real.diagnosis.clock import Clock
+from sim2real.diagnosis.examination import Examination, examine, examine_motion
 from sim2real.diagnosis.verdict import Diagnosis
 from sim2real.fitting import AxisModel
 from sim2real.gap import NO_GAP_BELOW
+from sim2real.open_loop import MotionLoop
 from sim2real.report import GapReport
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
+from stagedata import Recording
+
+
+def examine_others(
+    examined: Examination,
+    others: Sequence[Recording],
+    settings: StageSettings,
+    *,
+    correct: bool,
+    clock: Clock,
+) -> Examination:
+    """Examine other recordings of the stage as those of a diagnosis were.
+
+    Args:
+        examined: recordings that are diagnosed. Figures that the machine file leaves unknown are
+            those found there.
+        others: at least one.
+        settings: of the machine file.
+        correct: continue with corrected channels.
+        clock: of the others.
+
+    Raises:
+        ValueError: a recording does not fit the machine file; with the recording's name.
+    """
+    if examined.open_loop is None:
+        return examine(others, settings, correct=correct, clock=clock)
+    repaired = [repair_samples(recording, examined.settings) for recording in others]
+    plain = Examination(
+        tuple(recording.source for recording in others),
+        tuple(finding for _, findings in repaired for finding in findings),
+        None,
+        examined.settings,
+        open_loop=examined.open_loop,
+        clock=clock,
+    )
+    return examine_motion(plain, [recording for recording, _ in repaired])
 
 
 def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
@@ -27,9 +68,17 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
     if not report.causes or not others.measured:
         return report
     names = [axis.name for axis in others.settings.axes]
+    along = {
+        name: MotionLoop(name, others.motions, others.settings, 0.0)
+        for name in names
+        if others.open_loop is not None
+    }
 
     def opened(models: Mapping[str, AxisModel], axis: str) -> float:
-        return axis_gap(axis, models, others.measured, others.settings)
+        if axis not in along:
+            return axis_gap(axis, models, others.measured, others.settings)
+        loop = along[axis]
+        return loop.gap(loop.residual(models.get(axis, loop.start)))
 
     before = {name: opened({}, name) for name in names}
     models = diagnosis.models
@@ -37,9 +86,9 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
     steps = []
     numbers = dict.fromkeys(names, 0)
     for step in report.steps:
-        free = diagnosis.searches[step.axis].free
-        if free is not None:
-            model = free.steps[numbers[step.axis]].model
+        of_axis = diagnosis.steps.get(step.axis, ())
+        if of_axis:
+            model = of_axis[numbers[step.axis]]
             numbers[step.axis] += 1
             left = opened({**models, step.axis: model}, step.axis)
             step = replace(step, elsewhere=_closed(before[step.axis], left, 1))

@@ -72,6 +72,7 @@ class Diagnosis:
             one entry per recording; empty where no cause was found.
         plant: axis -> figure of the plant -> value as fitted within tolerance, for the twin.
         profiles: friction over position, where it was named as a cause.
+        steps: axis -> the model of each of its steps in the report.
     """
 
     report: GapReport
@@ -80,6 +81,7 @@ class Diagnosis:
     explained: tuple[Signals, ...] = ()
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     profiles: tuple[FrictionOverPosition, ...] = ()
+    steps: Mapping[str, Sequence[AxisModel]] = field(default_factory=dict)
 
 
 def conclude(
@@ -157,7 +159,12 @@ def conclude(
     tests = (FreeFormTest(name, examined.measured, examined.settings) for name in models)
     profiles = tuple(profile for test in tests for profile in test.profiles(models))
     plant = moved_figures(examined.settings, models)
-    return Diagnosis(report, models, searches, held_out.explained(), plant, profiles)
+    steps = {
+        name: tuple(step.model for step in found.free.steps)
+        for name, found in searches.items()
+        if found.free is not None
+    }
+    return Diagnosis(report, models, searches, held_out.explained(), plant, profiles, steps)
 
 
 def _left_out(

@@ -102,7 +102,7 @@ def diagnose(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
-    from sim2real.diagnosis import PHASES, continue_clock, examine, judge_elsewhere
+    from sim2real.diagnosis import PHASES, continue_clock, examine, examine_others, judge_elsewhere
     from sim2real.diagnosis.examination import GAINS
     from sim2real.report import NO_GAP
     from sim2real.residuals import residuals_json, view_residuals
@@ -124,11 +124,9 @@ def diagnose(
                 recorded, settings, correct=correct, unknown=model.unknown, progress=progress
             )
             judges = None
-            if others:
+            if others and examined.insufficient is None:
                 clock = continue_clock(recorded, others)
-                judges = examine(
-                    others, settings, correct=correct, unknown=model.unknown, clock=clock
-                )
+                judges = examine_others(examined, others, settings, correct=correct, clock=clock)
             if judges is not None and judges.insufficient is not None:
                 raise UnusableInput(f"--check: {judges.insufficient}")
             found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)

@@ -8,11 +8,12 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import CascadeSettings
-from sim2real.diagnosis import diagnose, examine
+from sim2real.diagnosis import diagnose, examine, examine_others, judge_elsewhere
+from sim2real.diagnosis.clock import find_common_clock
 from stagectl.config import load_machine, stage_settings
 from stagectl.importing import import_recording, load_map
 from stagectl.store import read_recording
-from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL
+from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL, strokes
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -73,6 +74,28 @@ def test_a_small_actuator_that_warms_up(tmp_path):
     report = report_of(ACTUATOR, tmp_path)
     assert [c.effect for c in report.causes] == ["thermal_drift"]
     assert report.gap_closed > 0.8
+
+
+def test_what_was_found_is_judged_along_the_motion_of_other_recordings(tmp_path):
+    found = examined(TOOL, tmp_path)
+    diagnosis = diagnose(found, {"a": 0.02}, library(), jobs=2)
+    faster = replace(TOOL, motion=strokes(0.3, (0.1, 0.25), 1.5), seed=9)
+    data, how = faster.write(tmp_path)
+    other = import_recording(data, *load_map(how))
+    judges = examine_others(
+        found, [other], found.settings, correct=False, clock=find_common_clock([other])
+    )
+    assert judges.settings.axes[0].mass == found.settings.axes[0].mass
+    report = judge_elsewhere(diagnosis, judges)
+    assert report.gap_closed_elsewhere > 0.9
+    assert report.steps[0].elsewhere > 0.9
+
+
+def test_where_nothing_is_wrong_the_fitted_figures_are_named(tmp_path):
+    plain = replace(TOOL, force=lambda t, x, v, a: TOOL.force(t, x, v, a) - 80.0)
+    report = report_of(plain, tmp_path)
+    assert report.verdict == "no_gap"
+    assert "up to 20 Hz; with mass and coulomb and viscous as fitted" in report.reason
 
 
 def test_a_known_machine_without_an_effect_has_no_gap(tmp_path):

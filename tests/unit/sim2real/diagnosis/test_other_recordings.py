@@ -1,7 +1,6 @@
 """What was found is worth as much on other recordings as it is right."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,9 +37,8 @@ def found(others, *steps):
     causes = (Cause("x", "cogging", 0.9, {}, 0.9, None),) if steps else ()
     listed = tuple(SelectionStep("x", s.names()[-1:], s.names(), 0.9, 0.01) for s in steps)
     report = replace(report_without_causes(others), causes=causes, steps=listed)
-    free = SimpleNamespace(steps=[SimpleNamespace(model=s) for s in steps])
     models = {"x": steps[-1]} if steps else {}
-    return Diagnosis(report, models, {"x": SimpleNamespace(free=free)})
+    return Diagnosis(report, models, {}, steps={"x": steps})
 
 
 def test_each_step_is_judged_with_its_own_figures(others):
