@@ -24,8 +24,8 @@ from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 _SMOOTH = CubicSpline
 """Of the demand: exact where its jerk is constant. 0.1 um off are 0.1 N and more by the drive."""
 _STEPS = 3.0
-"""Smallest change of position per sample, in units of log resolution plus encoder noise, at which a
-held value can be told from standstill."""
+"""Smallest change of position per sample, in units of log resolution plus noise, at which a held
+value can be told from standstill."""
 _JUMP = 1.5
 """After a held value the position catches up: it then changes by at least this multiple of the
 change per sample before and after."""
@@ -171,7 +171,9 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
     """Where the logged position repeats itself although the axis moves, bool[K]."""
     position = signals.position_actual
     held = np.zeros(len(position), dtype=bool)
-    usual = _STEPS * ((quantisation_step(position[signals.valid]) or axis.increment) + axis.noise)
+    logged = position[signals.valid]
+    noise = max(axis.noise, _scatter(logged))
+    usual = _STEPS * ((quantisation_step(logged) or axis.increment) + noise)
     change = np.diff(position)
     moves = change != 0.0
     moves[1:] &= change[:-1] != 0.0  # what follows a held value catches up
@@ -192,6 +194,16 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
                 held[run[0] + 1 : last + 1] = True
                 break
     return held & signals.valid
+
+
+def _scatter(position: FloatArray) -> float:
+    """Noise of a position, rms [m], from third differences, in which motion hardly shows.
+
+    It is the median's, so that a few held values do not count.
+    """
+    if len(position) < 4:
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(np.diff(position, 3)))) / math.sqrt(20.0)
 
 
 def _without_held(recording: Recording, held: dict[str, BoolArray]) -> Recording:

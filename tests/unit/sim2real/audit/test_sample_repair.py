@@ -45,6 +45,17 @@ def test_sound_recordings_stay_as_they_are(stage, name):
     assert repair_samples(recorded, stage) == (recorded, [])
 
 
+def test_noise_that_the_machine_file_does_not_state_holds_nothing(stage, sound):
+    """Rounded noise repeats values now and then, and what follows looks like catching up."""
+    rng = np.random.default_rng(1)
+    axes = {}
+    for name, signals in sound.axes.items():
+        noisy = signals.position_actual + 2e-5 * rng.standard_normal(len(sound))
+        axes[name] = replace(signals, position_actual=np.round(noisy, 6))
+    noisy = replace(sound, axes=axes)
+    assert repair_samples(noisy, stage) == (noisy, [])
+
+
 def test_lost_rows_are_put_back_and_not_valid(stage, sound, kept):
     gaps = taken(sound, kept, time=sound.time[kept], moves=())
     repaired, findings = repair_samples(gaps, stage)
