@@ -69,17 +69,25 @@ class Columns:
             raise UnusableInput(f"{self.path}: no column {name!r}; it has {has}{more}")
         return self._numbers[name]
 
-    def seconds(self, name: str) -> FloatArray | None:
+    def seconds(self, name: str, form: str | None = None) -> FloatArray | None:
         """A column of dates or times of day [s]; None where it is not one.
 
-        ISO 8601, or hours, minutes and seconds with colons between them.
+        Args:
+            name: of the column.
+            form: as strptime has it; None: ISO 8601, or hours, minutes and seconds with colons
+                between them.
+
+        Raises:
+            UnusableInput: a cell does not have that form.
         """
         if name not in self._texts:
             return None
         try:
-            return np.array([_seconds(text) for text in self._texts[name]])
-        except ValueError:
-            return None
+            return np.array([_seconds(text, form) for text in self._texts[name]])
+        except ValueError as error:
+            if form is None:
+                return None
+            raise UnusableInput(f"{self.path}: column {name}: {error}") from error
 
     def _read_text(self, preamble: int | None) -> None:
         table = read_table(self.path, preamble)
@@ -97,10 +105,12 @@ class Columns:
                 self._numbers[name] = values
 
 
-def _seconds(text: str) -> float:
-    text = text.strip("\"' ").replace(",", ".")
-    if "-" in text:
-        moment = datetime.fromisoformat(text)
+def _seconds(text: str, form: str | None) -> float:
+    text = text.strip("\"' ")
+    if form is None:
+        text = text.replace(",", ".")
+    if form is not None or "-" in text:
+        moment = datetime.fromisoformat(text) if form is None else datetime.strptime(text, form)
         whole = moment.replace(tzinfo=None) - datetime(1970, 1, 1)
         return whole.total_seconds()
     parts = text.split(":")

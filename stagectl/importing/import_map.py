@@ -44,6 +44,8 @@ SPEEDS = {
 """Units of a velocity that is integrated to a position."""
 BY_FACTOR = ("A", "V")
 """Units that need a factor [N or N m per unit]."""
+TIMES = ("s", "ms", "us", "µs", "ns")
+"""Units of a time."""
 OF_THE_AXIS = ("counts", "%", "permille")
 """Units that the machine file states: encoder increments, and shares of the rated force."""
 
@@ -75,6 +77,7 @@ class Column(Section):
         file: a key of `files` where it is not in DATA itself.
         wrap: the values begin anew after this much, in their unit: 360 for an angle in degrees.
         integrate: a velocity, whose integral is the position from 0 on.
+        format: of dates and times of day that are not ISO 8601, as Python's strptime has it.
     """
 
     column: Name | StrictInt
@@ -86,6 +89,7 @@ class Column(Section):
     file: Name | None = None
     wrap: Annotated[Number, Field(gt=0.0)] | None = None
     integrate: StrictBool = False
+    format: Name | None = None
 
 
 class OtherFile(Section):
@@ -169,6 +173,13 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
         document.problem(("axes",), f"axis {name} of the machine file is missing", at_key=True)
         for name in machine.axes
         if name not in found.axes
+    ]
+    times: dict[tuple[str, ...], Column | None] = {("time",): found.time}
+    times |= {("files", name, "time"): file.time for name, file in found.files.items()}
+    problems += [
+        document.problem((*place, "unit"), f"unknown unit {time.unit!r}; known: {', '.join(TIMES)}")
+        for place, time in times.items()
+        if time is not None and time.unit not in (None, *TIMES)
     ]
     for name, axis in found.axes.items():
         for channel in ("position_demand", "position_actual", "force_actual", "force_offset"):

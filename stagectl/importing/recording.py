@@ -182,7 +182,7 @@ def _in_si(columns: Columns, column: Column, axis: Axis | None) -> FloatArray:
     """A column in SI units; of a time, also dates and times of day."""
     name = str(column.column)
     factor = column.factor * unit_factor(column.unit, axis)
-    if axis is None and (moments := columns.seconds(name)) is not None:
+    if axis is None and (moments := columns.seconds(name, column.format)) is not None:
         return moments
     values = columns[name]
     if column.wrap is not None:

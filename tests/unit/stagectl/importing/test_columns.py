@@ -36,14 +36,30 @@ def test_unreadable_files_are_one_line(example, tmp_path, name, content, words):
         import_recording(tmp_path / name, *example)
 
 
-@pytest.mark.parametrize("form", ["2024-05-01 23:59:{:09.6f}", "23:59:{:09.6f}"])
-def test_dates_and_times_of_day(columns, tmp_path, form):
+@pytest.mark.parametrize(
+    ("form", "how"),
+    [
+        ("2024-05-01 23:59:{:09.6f}", ""),
+        ("23:59:{:09.6f}", ""),
+        ("01.05.2024 23:59:{:09.6f}", ", format: '%d.%m.%Y %H:%M:%S.%f'"),
+    ],
+)
+def test_dates_and_times_of_day(columns, tmp_path, form, how):
     at = [form.format(t) for t in columns["t"]]
     path = csv_of(columns, tmp_path / "a.csv")
     head, *rows = path.read_text().splitlines()
     lines = [f"{text},{row}" for text, row in zip(at, rows, strict=True)]
     path.write_text("\n".join([f"clock,{head}", *lines]))
-    found = read(tmp_path, path, "time: {column: clock}\n")
+    found = read(tmp_path, path, f"time: {{column: clock{how}}}\n")
     np.testing.assert_allclose(found.time, columns["t"] - columns["t"][0], atol=1e-6)
     with pytest.raises(UnusableInput, match="is not a number"):
         read(tmp_path, path, axis=AXIS.replace("vir", "clock"))
+    with pytest.raises(UnusableInput, match=r"column clock: time data .* does not match format"):
+        read(tmp_path, path, "time: {column: clock, format: '%m/%d/%y %H:%M'}\n")
+
+
+def test_a_counter_that_overflows_is_a_time(columns, tmp_path):
+    count = (65000 + np.arange(3000)) % 65536
+    path = csv_of({**columns, "CYCLE": count}, tmp_path / "a.csv")
+    found = read(tmp_path, path, "time: {column: CYCLE, factor: 0.001, wrap: 65536}\n")
+    np.testing.assert_allclose(found.time, 0.001 * np.arange(3000), atol=1e-9)

@@ -40,6 +40,7 @@ def test_a_map_must_fit_its_machine(tmp_path):
     for old, new, words in (
         ("slide:", "sled:", "no axis sled"),
         ("{column: qm}", "{column: qm, unit: furlong}", "unknown unit 'furlong'"),
+        ("{column: t}", "{column: t, unit: min}", "time.unit: unknown unit 'min'; known: s, ms"),
         ("machine.yaml", "missing.yaml", r"missing\.yaml"),
     ):
         (tmp_path / "map.yaml").write_text(text.replace(old, new))
