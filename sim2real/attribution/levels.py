@@ -22,7 +22,7 @@ from sim2real.attribution.signature import effect_inputs
 from sim2real.dictionary import FIRST_ORDER, Values, effect_nodes
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, implausibility
 from sim2real.fitting import is_coulomb_level as is_level
-from sim2real.scoring.constants import ALIKE, IMPLAUSIBLE
+from sim2real.scoring.constants import ALIKE, IMPLAUSIBLE, LEVEL_MISFIT
 from sim2real.tracking import Track
 
 F64 = NDArray[np.float64]
@@ -99,6 +99,19 @@ def settle_levels(
         }
         found.fitted += [Alternative(each, loop(each.model)) for each in tried.values()]
     return found
+
+
+def is_wander(problem: AxisProblem, model: AxisModel) -> bool:
+    """Whether the level tracked beside a model is no more than the wander of `repeatability`.
+
+    If it is more, the level has a course that the model lacks, although the filter follows it and
+    the innovations do not show it.
+    """
+    tracks = problem.track(model)
+    level = np.concatenate([track.level[np.abs(track.v) > _SLIDING] for track in tracks])
+    if problem.axis.wander <= 0.0 or not len(level):
+        return True
+    return float(np.mean(level**2)) < LEVEL_MISFIT * problem.axis.wander**2
 
 
 def _merge(problem: AxisProblem, best: Fitted, library: Mapping[str, Effect]) -> Fitted:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking
-from sim2real.attribution.levels import settle_levels
+from sim2real.attribution.levels import is_wander, settle_levels
 from sim2real.attribution.refinement import (
     fit_alternatives,
     refine_contenders,
@@ -108,7 +108,8 @@ class AxisSearch:
         again = fit(problem, self.best.model, 4, thorough=False)
         problem.rescale(again.residual)
         confirmed = fit(problem.finer_if_close(again.residual), again.model, 2)
-        self.is_complete = problem.is_nearly_white(confirmed.residual)
+        white = problem.is_nearly_white(confirmed.residual)
+        self.is_complete = white and is_wander(problem, confirmed.model)
         if self.is_complete:
             self.best, self.folds = confirmed, []
 
@@ -192,6 +193,7 @@ def search_effects(
         found.best, found.levels = levels.best, levels.odds
         for alternative in levels.fitted:
             ranking.keep(alternative)
+        found.is_complete = nothing or is_wander(fine, found.best.model)
     found.alternatives = ranking.ranked()
     return found
 
@@ -211,7 +213,8 @@ def refit_beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
     again = fit(problem, model, 4, thorough=False)
     problem.rescale(again.residual)
     found.best = fit(problem.finer_if_close(again.residual), again.model, 2)
-    found.is_complete = problem.is_nearly_white(found.best.residual)
+    white = problem.is_nearly_white(found.best.residual)
+    found.is_complete = white and is_wander(problem, found.best.model)
     own = set(model.names())
     found.alternatives = [
         replace(r, fitted=again if set(r.model.names()) == own else problem.reweighted(r.fitted))

@@ -23,8 +23,11 @@ from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.scoring import effects_penalty, weigh_effect
 from sim2real.scoring.constants import (
+    CHANCE,
+    CLEAR,
     CLOSED,
     FITTED,
+    FLIPS,
     HOPELESS,
     LONG,
     MISFIT,
@@ -34,7 +37,6 @@ from sim2real.scoring.constants import (
     REMEMBERED,
     RIVALS,
     SHORT,
-    SIGMAS,
     STRANGE,
     VISIBLE,
 )
@@ -42,11 +44,6 @@ from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
-
-
-_FLIPS, _CHANCE = 4000, 0.02
-"""Random signs of the moves' changes that are tried, and how many of them may add up to as much: as
-many as exceed two standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,13 +93,14 @@ class FreeSearch:
     def names_causes(self) -> bool:
         """Whether the effects found may be given as causes.
 
-        They close most of the gap, leave a few times the floor, and their values are plausible.
+        They close most of the gap, leave a few times the floor or next to nothing of the gap, and
+        their values are plausible.
         """
         left = self.loop.gap(self.best.residual)
         terms = self.best.model.terms
         return (
             self.closed >= CLOSED
-            and left <= MISFIT * FLOOR_LEVEL
+            and (left <= MISFIT * FLOOR_LEVEL or self.closed >= CLEAR)
             and all(implausibility(term, self.loop.axis) <= STRANGE for term in terms)
         )
 
@@ -158,11 +156,9 @@ def search_free(
         current = selection.look_back(new)
         folds = fit_folds(loop, current.model, folds)
         left = _held_out(loop, folds)
-        gained, uncertainty = _fall(loop, held, left)
-        certain = gained >= SIGMAS * uncertainty or _is_alike(held - left)
         names, before = current.model.names(), found.best.model.names()
         progress(len(names) / MOST_EFFECTS)
-        if gained < VISIBLE or not certain:
+        if _fall(loop, held, left)[0] < VISIBLE or not is_certain(held - left):
             if len(names) - len(before) >= PATIENCE:
                 break
             continue
@@ -317,16 +313,19 @@ def _held_out(loop: FreeLoop, fits: Sequence[FreeFit]) -> F64:
     return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
 
 
-def _is_alike(change: F64) -> bool:
-    """Whether moves change so much alike that chance, which gives each its sign, hardly does it.
+def is_certain(change: F64) -> bool:
+    """Whether the gap falls by more than if chance gave the change of each move its sign.
 
-    What fades changes the first moves most, so that its scatter over moves says little.
+    A sign-flip test: unlike a standard deviation over moves it allows for what fades, which changes
+    the first moves most. Where there are too few moves for it, all of them have to gain.
 
     Args:
-        change: of the moves' energies, float64[moves].
+        change: fall of the moves' energies, float64[moves].
     """
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), (_FLIPS, len(change)))
-    return bool(np.mean(signs @ change >= change.sum()) < _CHANCE)
+    if (change > 0.0).all():
+        return True
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, len(change)))
+    return bool(np.mean(signs @ change >= change.sum()) < CHANCE)
 
 
 def _fall(loop: FreeLoop, before: F64, after: F64) -> tuple[float, float]:

@@ -39,9 +39,9 @@ OPEN = 2.0
 """Gap from which the closed loop needs an explanation."""
 VISIBLE = 0.25
 """Fall of the gap, both signals together, by which an effect shows in the closed loop."""
-SIGMAS = 2.0
-"""A step in the free loop must shrink the held-out gap by this many standard deviations, estimated
-over moves."""
+FLIPS, CHANCE = 4000, 0.02
+"""A step in the free loop must shrink the held-out gap by more than all but this share of so many
+draws in which each move's change has a random sign; for like changes that is two sigma."""
 PATIENCE = 2
 """Effects that may be added before the held-out gap has to shrink: some show only together."""
 
@@ -111,8 +111,12 @@ MISFIT = 16.0
 """Largest gap that may be left where names are given in the free loop. If more is left, the library
 probably lacks what acts, even if its effects close most of the gap: of drag with the square of
 speed, viscous friction and a resonance close nine tenths and leave a hundred times this."""
-CLOSED = 0.6
-"""Share of an axis' gap that must be closed on held-out moves for the same."""
+CLOSED, CLEAR = 0.6, 0.98
+"""Share of an axis' gap that must be closed on held-out moves for the same; and the share from
+which more than `MISFIT` may be left, as where a fine encoder shows what no machine repeats."""
+LEVEL_MISFIT = 4.0
+"""Mean square of the tracked Coulomb level, over that of the wander, from which the level has a
+course that the model lacks; right models show 0.4 to 1.8."""
 STRANGE = 4.0
 """Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
 ENOUGH = 0.9

@@ -6,7 +6,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution.levels import Levels, settle_levels, weigh_levels
+from sim2real.attribution.levels import Levels, is_wander, settle_levels, weigh_levels
 from sim2real.fitting import Term, fit
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
@@ -35,6 +35,20 @@ def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
     found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
     assert found.best.model.names() == (true,)
     assert all(0.0 < odds <= 1.0 for odds in found.odds[true].values())
+
+
+def test_a_course_that_the_model_lacks_is_no_wander(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """The filter follows it, so innovations are white either way."""
+    drift = {"amplitude": 0.3, "time_constant": 4.0}
+    recording = stage_with(nominal, 51, seconds=6.0, y={"thermal_drift": drift})
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    right = problem.start.added(Term(known["thermal_drift"], tuple(drift.values())))
+    level = fit(problem, problem.start.added(Term(known["coulomb_level"], (1.15,))), 4).model
+    assert problem.is_nearly_white(problem.residual(level))
+    assert is_wander(problem, right)
+    assert not is_wander(problem, level)
 
 
 def settled(

@@ -9,6 +9,7 @@ from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
+from sim2real.free_loop.search import is_certain
 from sim2real.gap import compare_with_model
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -112,3 +113,20 @@ def test_a_model_without_mass_cannot_be_simulated(screw: FreeLoop) -> None:
     assert not screw.allows(without)
     with pytest.raises(ValueError, match="not physical"):
         fit_figures(screw, without)
+
+
+@pytest.mark.parametrize(
+    ("change", "certain"),
+    [
+        ([3.0, 2.0, 4.0, 3.0, 2.0, 3.0, 4.0, 2.0], True),
+        ([40.0, 20.0, 9.0, 4.0, 2.0, 1.0, 0.5, 0.2, -0.1], True),  # it fades
+        ([40.0, -20.0, 9.0, -14.0, 2.0, -1.0, 0.5, 0.2], False),
+        ([40.0, -3.0, -2.0, -4.0, -3.0, -5.0, -2.0, -1.0], False),  # one move against all others
+        ([3.0, 2.0, 1.0, 2.0], True),
+        ([3.0, 2.0, -1.0, 2.0], False),  # too few moves for a test
+    ],
+)
+def test_a_step_counts_where_chance_would_hardly_do_as_well(
+    change: list[float], certain: bool
+) -> None:
+    assert is_certain(np.array(change)) is certain
