@@ -38,6 +38,7 @@ from sim2real.scoring.constants import (
     RIVALS,
     SHORT,
     STRANGE,
+    SURE,
     VISIBLE,
 )
 from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
@@ -114,7 +115,7 @@ class FreeSearch:
         What is left may be part of any effect: no probability exceeds the share of the gap closed.
         """
         probability, others = weigh_effect(self.scores, self.best.model.names(), effect)
-        return min(self.closed, probability), others
+        return min(self.closed, probability, SURE), others
 
     def covariance(self) -> F64:
         """Of the base parameters and all effects' coordinates, float64[P, P]."""
