@@ -6,7 +6,13 @@ recomputes the force that the drive must have commanded, `law_hypotheses` finds 
 error that explains the difference, and `corrections` removes it from the recording.
 """
 
-from sim2real.audit.channels import UNCORRECTABLE, Audit, audit_channels, mark_applied
+from sim2real.audit.channels import (
+    UNCORRECTABLE,
+    Audit,
+    audit_channels,
+    delay_finding,
+    mark_applied,
+)
 from sim2real.audit.controller_law import reconstruct_law
 from sim2real.audit.corrections import remove_delay, rescale
 from sim2real.audit.sample_repair import repair_samples
@@ -18,6 +24,7 @@ __all__ = [
     "audit_channels",
     "check_quantisation",
     "check_time",
+    "delay_finding",
     "mark_applied",
     "reconstruct_law",
     "remove_delay",

@@ -161,6 +161,15 @@ def mark_applied(findings: tuple[ChannelFinding, ...]) -> tuple[ChannelFinding, 
     )
 
 
+def delay_finding(axis: str, channel: str, delay: float, period: float) -> ChannelFinding:
+    """A channel of an axis is late by a delay, or early [s]; `period` of the samples [s]."""
+    text = (
+        f"{axis}: {channel} is {abs(delay) * 1e3:.3g} ms "
+        f"({abs(delay / period):.3g} samples) {'late' if delay > 0 else 'early'}"
+    )
+    return ChannelFinding(axis, channel, "delay", delay, "s", text=text)
+
+
 def _check_force_units(recording: Recording, settings: StageSettings) -> list[ChannelFinding]:
     """Forces in another unit, judged by the model's own forces over the same demands."""
     replay = prepare_replay(recording, settings)
@@ -248,12 +257,7 @@ def _check_law(
         findings.append(ChannelFinding(axis, channel, "clock", found.value, "1", text=text))
         recording = shift_channel(recording, axis, channel, lambda t: t * (1.0 + found.value))
     elif channel and abs(delay) > _SMALLEST_DELAY:
-        samples = delay / settings.sync_period
-        text = (
-            f"{axis}: {channel} is {abs(delay) * 1e3:.3g} ms "
-            f"({abs(samples):.3g} samples) {'late' if delay > 0 else 'early'}"
-        )
-        findings.append(ChannelFinding(axis, channel, "delay", delay, "s", text=text))
+        findings.append(delay_finding(axis, channel, delay, settings.sync_period))
         recording = remove_delay(recording, axis, channel, delay, settings.sync_period)
     gains, recording, settings = _check_gains(found, recording, settings, axis, unit)
     findings += gains

@@ -23,6 +23,7 @@ from sim2real.audit import (
 )
 from sim2real.axis_units import unit_on
 from sim2real.diagnosis.clock import Clock, find_common_clock
+from sim2real.diagnosis.motion_channels import audit_motion
 from sim2real.gap import (
     Gap,
     Located,
@@ -63,6 +64,8 @@ _FEWEST_VALID = 0.5
 _EXCITED = 1e-6
 _LARGEST = 1e15
 """No position or force is larger, in whatever unit."""
+_CORRECT = "correct it first, or continue with --correct"
+"""What to do about a finding that can be corrected for."""
 _T = TypeVar("_T")
 Progress = Callable[[str, int, int], object]
 """Called with (what is being done, steps done, all steps)."""
@@ -143,6 +146,7 @@ def examine(
                 names, found, None, settings, open_loop=open_loop, unknown=unknown, clock=clock
             ),
             recordings,
+            correct=correct,
         )
     for recording in recordings:
         reason = why_insufficient(recording, settings)
@@ -188,13 +192,13 @@ def _examine_channels(
         recordings = [a.recording for a in audits] if correct else recordings
         findings = mark_applied(findings) if correct else findings
         return examine_motion(
-            replace(examined, findings=findings, open_loop=OTHER_CONTROLLER), recordings
+            replace(examined, findings=findings, open_loop=OTHER_CONTROLLER),
+            recordings,
+            correct=correct,
         )
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
-        way = "no diagnosis is possible"
-        if worst.finding not in UNCORRECTABLE:
-            way = "correct it first, or continue with --correct"
+        way = _CORRECT if worst.finding not in UNCORRECTABLE else "no diagnosis is possible"
         reason = f"{worst.text}; {way}"
         given_up = replace(examined, findings=findings, insufficient=reason)
         return _with_gap(given_up, recordings, progress)
@@ -257,12 +261,15 @@ def why_open_loop(
     return None
 
 
-def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Examination:
-    """Examine recordings along their motion: the gap in force, its floor and its location.
+def examine_motion(
+    examined: Examination, recordings: Sequence[Recording], *, correct: bool = False
+) -> Examination:
+    """Examine recordings along their motion: channels, gap in force, its floor and its location.
 
     Args:
         examined: so far; its settings may have any values where figures are unknown.
         recordings: repaired.
+        correct: continue with corrected channels instead of giving up.
 
     Raises:
         ValueError: a recording does not fit the machine file; with the recording's name.
@@ -276,34 +283,53 @@ def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Ex
         findings += check_time(recording.time, examined.settings.sync_period)
         for axis in examined.settings.axes:
             findings += check_quantisation(recording.axes[axis.name], axis)
+    motions = _measure_motions(recordings, examined.settings, examined.clock)
+    audits = [
+        audit_motion(recording, motion, examined.settings)
+        for recording, motion in zip(recordings, motions, strict=True)
+    ]
+    faults = tuple(fault for audit in audits for fault in audit.findings)
+    lost = next((f for audit in audits if (f := audit.lost_sign()) is not None), None)
+    marked = mark_applied(faults) if correct and lost is None else faults
+    examined = replace(examined, findings=_merge_findings([[*findings, *marked]]))
+    if lost is not None:
+        return replace(examined, insufficient=f"{lost.text}: log it with its sign")
+    if faults and correct:
+        recordings = [audit.recording for audit in audits]
+        motions = _measure_motions(recordings, examined.settings, examined.clock)
+    reason = f"{faults[0].text}; {_CORRECT}" if faults and not correct else None
     settings = examined.settings
-    for _ in range(2):  # how smooth the motion must be depends on the mass
-        motions = [
-            _name_errors(
-                recording, partial(measure_motion, settings=replace(settings, start=start))
-            )
-            for recording, start in zip(recordings, examined.clock.starts, strict=True)
-        ]
-        if not any(examined.unknown.values()):
-            break
+    if any(examined.unknown.values()):
         try:
+            settings = fit_figures(motions, settings, examined.unknown)
+            # How smooth the motion must be depends on the mass.
+            motions = _measure_motions(recordings, settings, examined.clock)
             settings = fit_figures(motions, examined.settings, examined.unknown)
         except ValueError as error:
-            return replace(examined, insufficient=str(error))
+            return replace(examined, insufficient=reason or str(error))
     moves = min(len(motion.recording.moves) for motion in motions)
     if moves < _FEWEST_STROKES:
-        reason = f"{moves} strokes: at least {_FEWEST_STROKES} are needed to hold some out"
-        return replace(examined, insufficient=reason)
+        few = f"{moves} strokes: at least {_FEWEST_STROKES} are needed to hold some out"
+        return replace(examined, insufficient=reason or few)
     measured = [compare_along(motion, settings) for motion in motions]
     return replace(
         examined,
+        insufficient=reason,
         settings=settings,
-        findings=_merge_findings([findings]),
         motions=tuple(motions),
         measured=tuple(measured),
         gap=pool_gaps([(m.gap, len(m.replay.recording)) for m in measured]),
         located=locate_gap(measured),
     )
+
+
+def _measure_motions(
+    recordings: Sequence[Recording], settings: StageSettings, clock: Clock
+) -> list[Motion]:
+    return [
+        _name_errors(recording, partial(measure_motion, settings=replace(settings, start=start)))
+        for recording, start in zip(recordings, clock.starts, strict=True)
+    ]
 
 
 def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:

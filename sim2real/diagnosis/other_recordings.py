@@ -54,7 +54,7 @@ def examine_others(
         open_loop=examined.open_loop,
         clock=clock,
     )
-    return examine_motion(plain, [recording for recording, _ in repaired])
+    return examine_motion(plain, [recording for recording, _ in repaired], correct=correct)
 
 
 def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:

@@ -87,7 +87,7 @@ class Motion:
 
     def low_pass(self, axis: str, force: F64) -> F64:
         """A force as that of this axis was low-passed, float64[P] [N]."""
-        return _low_passed(force, self.axes[axis].cutoff, self.period)
+        return low_passed(force, self.axes[axis].cutoff, self.period)
 
     def noise_of(self, axis: str, force: F64) -> float:
         """Noise of the low-passed force, estimated from what a model leaves, rms [N].
@@ -104,7 +104,7 @@ class Motion:
             return own.noise
         left = own.logged - force
         low = _BAND * own.cutoff
-        high = _low_passed(left, own.cutoff, self.period) - _low_passed(left, low, self.period)
+        high = low_passed(left, own.cutoff, self.period) - low_passed(left, low, self.period)
         deviation = 1.4826 * float(np.median(np.abs(high[own.usable])))
         return min(own.noise, deviation / math.sqrt(1.0 - _BAND))
 
@@ -156,18 +156,18 @@ def _smoothed(
 ) -> AxisMotion:
     """The motion of one axis; `known`, bool[P], where there are samples."""
     cutoff, noise, jitter = _choose_cutoff(position, force, axis.mass, period)
-    smooth = _low_passed(position, 2.0 * cutoff, period)
+    smooth = low_passed(position, 2.0 * cutoff, period)
     velocity = np.gradient(smooth, period)
     acceleration = np.zeros_like(smooth)
     acceleration[1:-1] = np.diff(smooth, 2) / period**2
     around = max(1, round(_AROUND / cutoff / period))
     speed = np.abs(velocity)
     moving = speed > max(_STILL * float(speed.max()), _SIGMAS * jitter)
-    at_rest = ~_spread(moving, around)
-    unknown = ~known | _spread(at_rest, around)
+    at_rest = ~spread(moving, around)
+    unknown = ~known | spread(at_rest, around)
     unknown[0] = unknown[-1] = True  # filters know nothing beyond the ends
-    usable = ~_spread(unknown, around)
-    low = _low_passed(force, cutoff, period)
+    usable = ~spread(unknown, around)
+    low = low_passed(force, cutoff, period)
     return AxisMotion(smooth, velocity, acceleration, low, force, usable, cutoff, noise)
 
 
@@ -211,14 +211,15 @@ def _white_noise(values: F64) -> float:
     return float(np.sqrt(0.5 * np.median(density[top] / response)))
 
 
-def _low_passed(values: F64, cutoff: float, period: float) -> F64:
+def low_passed(values: F64, cutoff: float, period: float) -> F64:
+    """Values without what is faster than a cutoff [Hz], not delayed, float64[P]; period in s."""
     share = 2.0 * cutoff * period
     sections = butter(_ORDER, min(share, 0.9), output="sos")
     pad = min(len(values) - 1, round(3.0 / share) + 3 * _ORDER)
     return np.asarray(sosfiltfilt(sections, values, padlen=pad))
 
 
-def _spread(flags: BoolArray, reach: int) -> BoolArray:
+def spread(flags: BoolArray, reach: int) -> BoolArray:
     """Flags, and the samples up to `reach` away from one."""
     sums = np.concatenate(([0], np.cumsum(flags)))
     at = np.arange(len(flags))
