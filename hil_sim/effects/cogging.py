@@ -29,7 +29,14 @@ class Cogging(Effect):
             neutral=0.0,
         ),
         Parameter(
-            "pitch", "m", "spatial period", (24e-3, 40e-3), role="shape", least=1e-3, log=True
+            "pitch",
+            "m",
+            "spatial period",
+            (24e-3, 40e-3),
+            role="shape",
+            least=1e-3,
+            log=True,
+            plausible_turning=(0.07, 1.6),  # 2 to 44 pole pairs, driving directly
         ),
         Parameter("phase", "rad", "phase at position 0", None, role="phase"),
     )

@@ -70,6 +70,7 @@ class Parameter:
         least: a physical value is >= this.
         below: a physical value is < this.
         log: search and prior use the logarithm.
+        plausible_turning: the range in place of `plausible` on an axis that turns; None: the same.
     """
 
     key: str
@@ -84,6 +85,7 @@ class Parameter:
     least: float = -math.inf
     below: float = math.inf
     log: bool = False
+    plausible_turning: Interval | None = None
 
     def ranges(self, axis: AxisSettings) -> tuple[Interval, ...]:
         """Plausible values on this axis in SI units: one interval, or two of opposite sign.
@@ -95,7 +97,10 @@ class Parameter:
         if self.plausible is None:
             return (axis.travel,) if self.role == "place" else ((0.0, 2.0 * math.pi),)
         scale = 1.0 if self.relative_to is None else _AXIS_FIGURES[self.relative_to](axis)
-        low, high = (scale * value for value in self.plausible)
+        usual = self.plausible
+        if axis.rotary and self.plausible_turning is not None:
+            usual = self.plausible_turning
+        low, high = (scale * value for value in usual)
         return ((-high, -low), (low, high)) if self.signed else ((low, high),)
 
     def neutral_on(self, axis: AxisSettings) -> float | None:

@@ -30,7 +30,14 @@ class ForceRipple(Effect):
             below=1.0,
         ),
         Parameter(
-            "pitch", "m", "spatial period", (8e-3, 14e-3), role="shape", least=1e-3, log=True
+            "pitch",
+            "m",
+            "spatial period",
+            (8e-3, 14e-3),
+            role="shape",
+            least=1e-3,
+            log=True,
+            plausible_turning=(0.02, 0.5),  # thirds of the poles of such a motor: 2 to 44 pairs
         ),
         Parameter("phase", "rad", "phase at position 0", None, role="phase"),
     )

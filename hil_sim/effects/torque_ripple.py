@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from hil_sim.effects.force_ripple import ForceRipple
@@ -20,7 +21,12 @@ class TorqueRipple(ForceRipple):
     transmission = True
     parameters = (
         replace(_RATIO, meaning="amplitude over the mean torque", plausible=(0.01, 0.1)),
-        replace(_PITCH, plausible=(1e-3, 2e-2), least=2e-4),
+        replace(
+            _PITCH,
+            plausible=(1e-3, 2e-2),
+            least=2e-4,
+            plausible_turning=(0.01, 2.0 * math.pi),
+        ),
         _PHASE,
     )
     remedy = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from hil_sim.effects.cogging import Cogging
@@ -20,7 +21,12 @@ class TransmissionRipple(Cogging):
     transmission = True
     parameters = (
         replace(_AMPLITUDE, plausible=(0.02, 0.2)),
-        replace(_PITCH, plausible=(1e-3, 2e-2), least=2e-4),
+        replace(
+            _PITCH,
+            plausible=(1e-3, 2e-2),
+            least=2e-4,
+            plausible_turning=(0.01, 2.0 * math.pi),
+        ),
         _PHASE,
     )
     remedy = (

@@ -62,7 +62,11 @@ def plausible(parameter: Parameter) -> str:
     text = f"{'±' if parameter.signed else ''}{low:.3g}…{high:.3g}"
     if parameter.relative_to is not None:
         return f"{text} times the {parameter.relative_to}"
-    return f"{text} {parameter.unit}".rstrip()
+    text = f"{text} {parameter.unit}".rstrip()
+    if parameter.plausible_turning is None:
+        return text
+    low, high = parameter.plausible_turning
+    return f"{text}, {low:.3g}…{high:.3g} rad where the axis turns"
 
 
 def markdown_table(effects: list[Effect]) -> list[str]:
@@ -126,6 +130,7 @@ def _as_dict(effect: Effect) -> dict[str, Any]:
                 "meaning": p.meaning,
                 "role": p.role,
                 "usual": None if p.plausible is None else list(p.plausible),
+                "usual_turning": None if p.plausible_turning is None else list(p.plausible_turning),
                 "signed": p.signed,
                 "relative_to": p.relative_to,
             }

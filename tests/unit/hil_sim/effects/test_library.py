@@ -65,7 +65,11 @@ def typical(parameter):
         "Coulomb force over the travel": f" {TIMES} Fc/travel",
         None: "",
     }
-    return f"{'±' if parameter.signed else ''}{low:g}…{high:g}{scale[parameter.relative_to]}"
+    turning = ""
+    if parameter.plausible_turning is not None:
+        turning = "; turning {:g}…{:.3g}".format(*parameter.plausible_turning)
+    sign = "±" if parameter.signed else ""
+    return f"{sign}{low:g}…{high:g}{scale[parameter.relative_to]}{turning}"
 
 
 def allowed(parameter):
@@ -118,6 +122,22 @@ def test_ranges_are_those_of_the_axis(effects, nominal):
     assert force.ranges(x) == (pytest.approx((40.0, 72.0)),)
     _, center, _ = effects["friction_position"].parameters
     assert center.ranges(x) == (x.travel,)
+
+
+@pytest.mark.parametrize(
+    ("name", "turning"),
+    [
+        ("cogging", (0.07, 1.6)),
+        ("force_ripple", (0.02, 0.5)),
+        ("torque_ripple", (0.01, 2.0 * math.pi)),
+        ("transmission_ripple", (0.01, 2.0 * math.pi)),
+    ],
+)
+def test_pitches_of_an_axis_that_turns_are_angles(effects, nominal, name, turning):
+    x = nominal.axes[0]
+    pitch = effects[name].parameters[1]
+    assert pitch.ranges(x) == (pitch.plausible,)
+    assert pitch.ranges(replace(x, rotary=True)) == (turning,)
     assert effects["stribeck"].parameters[0].neutral_on(x) == x.friction.static_ratio
 
 

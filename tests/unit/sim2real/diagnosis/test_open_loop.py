@@ -13,7 +13,7 @@ from sim2real.diagnosis.clock import find_common_clock
 from stagectl.config import load_machine, stage_settings
 from stagectl.importing import import_recording, load_map
 from stagectl.store import read_recording
-from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL, strokes
+from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL, sliding, strokes
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -74,6 +74,18 @@ def test_a_small_actuator_that_warms_up(tmp_path):
     report = report_of(ACTUATOR, tmp_path)
     assert [c.effect for c in report.causes] == ["thermal_drift"]
     assert report.gap_closed > 0.8
+
+
+def test_the_ripple_of_a_joint_with_a_gear(tmp_path):
+    """One period per turn of the motor, behind 1:100."""
+    joint = replace(
+        ROBOT,
+        force=lambda t, q, v, a: 1.2 * a + sliding(v, 4.0, 3.0) + 0.8 * np.sin(100.0 * q + 0.7),
+        noise=(1e-6, 0.3),
+    )
+    report = report_of(joint, tmp_path)
+    assert [c.effect for c in report.causes] == ["transmission_ripple"]
+    assert report.causes[0].parameters["pitch"].value == pytest.approx(0.02 * np.pi, rel=1e-3)
 
 
 def test_what_was_found_is_judged_along_the_motion_of_other_recordings(tmp_path):
@@ -140,3 +152,36 @@ def test_another_controller_is_no_gap_of_the_plant_but_not_no_gap():
     assert report.verdict != "no_gap"
     assert not report.causes
     assert np.isfinite(report.gap["x"]["force"].nominal)
+
+
+def with_force(machine, folder, change, **how):
+    data, columns = machine.write(folder)
+    columns, model = load_map(columns)
+    recording = import_recording(data, columns, model)
+    a = recording.axes["a"]
+    made = replace(recording, axes={"a": replace(a, force_actual=change(a.force_actual))})
+    return examine([made], stage_settings(model), unknown=model.unknown, **how)
+
+
+def test_a_force_that_was_logged_late_is_a_finding(tmp_path):
+    found = with_force(TOOL, tmp_path, lambda f: np.roll(f, 4))
+    (delay,) = found.findings
+    assert (delay.channel, delay.finding, delay.applied) == ("force_actual", "delay", False)
+    assert delay.value == pytest.approx(0.04, abs=0.002)
+    assert found.insufficient.endswith("late; correct it first, or continue with --correct")
+    assert "force" in found.gap["a"]
+
+
+def test_a_force_that_was_logged_late_is_corrected(tmp_path):
+    found = with_force(TOOL, tmp_path, lambda f: np.roll(f, 4), correct=True)
+    assert found.insufficient is None
+    assert [(f.finding, f.applied) for f in found.findings] == [("delay", True)]
+    assert found.settings.axes[0].mass == pytest.approx(300.0, rel=0.03)
+
+
+def test_a_force_without_its_sign_is_named(tmp_path):
+    found = with_force(TOOL, tmp_path, np.abs, correct=True)
+    assert [(f.finding, f.applied) for f in found.findings] == [("sign", False)]
+    assert found.insufficient == (
+        "a: force_actual has one sign while the motion reverses: log it with its sign"
+    )
