@@ -37,7 +37,7 @@ _CERTAIN = 4.0
 """Standard deviations by which a delay must exceed what is usual."""
 _ALIKE = 1.0 / 3.0
 """Part of a delay by which it may differ where it is well known, for other effects disturb it."""
-_BETTER = 0.1
+_BETTER = 0.2
 """Least share of what is left that a delay must remove: a smaller one does little harm, and other
 causes of it are likelier."""
 _ROUNDS = 20

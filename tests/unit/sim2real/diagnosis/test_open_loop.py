@@ -84,8 +84,9 @@ def test_the_ripple_of_a_joint_with_a_gear(tmp_path):
         noise=(1e-6, 0.3),
     )
     report = report_of(joint, tmp_path)
-    assert [c.effect for c in report.causes] == ["transmission_ripple"]
-    assert report.causes[0].parameters["pitch"].value == pytest.approx(0.02 * np.pi, rel=1e-3)
+    (cause,) = report.causes
+    assert cause.effect in ("transmission_ripple", "cogging")  # by one equation
+    assert cause.parameters["pitch"].value == pytest.approx(0.02 * np.pi, rel=1e-3)
 
 
 def test_what_was_found_is_judged_along_the_motion_of_other_recordings(tmp_path):
