@@ -79,7 +79,7 @@ def find_causes(
         gives_back, interval = share_given_back(before, left_out, after, samples)
         figures = _figures(term, spread, problem.axis)
         if found.free is None:
-            probability, alternatives = _probability(found, term.name)
+            probability, alternatives = name_probability(found, term.name)
         else:
             probability, alternatives = found.free.probability(term.name)
         probability = min(probability, _largest_probability(found, term, figures))
@@ -204,7 +204,7 @@ def _sigma(
     return math.hypot(own, RELATIVE * abs(value - neutral), wander, step)
 
 
-def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
+def name_probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     """Probability that an effect is present, and the effects that could take its place.
 
     Scores of innovations count a fifth (`TEMPER`). Between effects on the Coulomb level the odds
@@ -215,7 +215,8 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     departs = effect in found.repeats and found.repeats[effect].departs
     widest = math.inf
     if departs:
-        widest = min(a.gap for a in found.alternatives if set(a.model.names()) == set(names))
+        own_gaps = (a.gap for a in found.alternatives if set(a.model.names()) == set(names))
+        widest = min(own_gaps, default=math.inf)
     scores = {
         tuple(sorted(a.model.names())): score_alternative(problem, a) / TEMPER
         for a in reversed(found.alternatives)
@@ -224,7 +225,7 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     own = scores.setdefault(tuple(sorted(names)), min(scores.values(), default=0.0))
     for other, odds in found.levels.get(effect, {}).items():
         swapped = tuple(sorted({*names, other} - {effect}))
-        scores[swapped] = own - 2.0 * math.log(odds)
+        scores[swapped] = own - 2.0 * math.log(odds) if odds > 0.0 else math.inf
     probability, others = weigh_effect(scores, names, effect)
     return probability * _confidence(found, effect), others
 

@@ -283,7 +283,7 @@ def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:
         )
         if others:
             why = "along this motion one fits nearly as well as the other"
-            alike.append(Confusable(axis.name, (term.name, *dict.fromkeys(others)), why))
+            alike.append(Confusable(axis.name, (term.name, *others), why))
     return causes, alike
 
 

@@ -1,0 +1,44 @@
+"""Probabilities of causes where a search kept little to compare them with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.attribution.causes import name_probability
+from sim2real.attribution.search import AxisSearch
+from sim2real.attribution.shape_check import Repeat
+from sim2real.fitting import Term, fit
+from stagedata import Recording
+from tests.unit.sim2real.conftest import problem_of, stage_with
+
+
+@pytest.fixture(scope="module")
+def drift(nominal: tuple[Recording, StageSettings]) -> AxisSearch:
+    """A warm-up, fitted; no other set of effects was kept."""
+    values = {"amplitude": 0.3, "time_constant": 4.0}
+    recording = stage_with(nominal, 51, seconds=3.0, y={"thermal_drift": values})
+    problem = problem_of(recording, nominal[1], "y")
+    term = Term(library()["thermal_drift"], tuple(values.values()))
+    best = fit(problem, problem.start.added(term), 1, thorough=False)
+    return AxisSearch(problem, problem.nominal_fit(), best, open_gap=50.0, closes=1.0)
+
+
+def test_an_effect_in_another_shape_whose_set_was_not_kept(drift: AxisSearch) -> None:
+    repeat = Repeat(100.0, 0.0, 1.0, 3.0, 5.0, drift.best.model, course=True)
+    found = replace(drift, repeats={"thermal_drift": repeat})
+    assert repeat.departs
+    assert name_probability(found, "thermal_drift") == (pytest.approx(0.97), [])
+
+
+def test_an_effect_on_the_level_that_is_out_of_the_question(drift: AxisSearch) -> None:
+    """Odds of levels may be smaller than a number can be."""
+    found = replace(drift, levels={"thermal_drift": {"coulomb_level": 0.0}})
+    assert name_probability(found, "thermal_drift") == (pytest.approx(0.99), [])
+    near = replace(drift, levels={"thermal_drift": {"coulomb_level": 0.6}})
+    probability, others = name_probability(near, "thermal_drift")
+    assert probability == pytest.approx(0.99 / 1.6)
+    assert others == ["coulomb_level"]
