@@ -8,7 +8,6 @@ from estimation.friction.coulomb_variation import (
 )
 from estimation.friction.feedforward import (
     friction_feedforward,
-    remaining_feedforward,
 )
 from estimation.friction.follow import (
     REST_BAND,
@@ -46,7 +45,6 @@ __all__ = [
     "kernel_figures",
     "level_with_target",
     "make_constants",
-    "remaining_feedforward",
     "state_after",
     "steps_within",
     "varying_feedforward",

@@ -66,7 +66,7 @@ def varying_feedforward(
 ) -> F64:
     """Friction force along a demand, or the rest of one, relative to where it begins.
 
-    As `feedforward.friction_feedforward` and `remaining_feedforward`.
+    As `feedforward.friction_feedforward`.
 
     Args:
         friction: the model at the target.

@@ -26,60 +26,23 @@ def friction_feedforward(
     samples: int,
     period: float,
     ahead: float,
+    sent: int = 0,
 ) -> F64:
-    """Friction force along the demand, relative to the force at rest before it.
+    """Friction force along a demand, or the rest of one, relative to where it begins.
 
     Args:
         friction: the model.
-        state: friction state at rest at the start of the trajectory; not changed.
+        state: friction state where it begins, at rest or in the middle of the motion; not changed.
         trajectory: of the demand; sample k is at time k period, k = 1..samples.
-        samples: how many, K.
-        period: of the samples [s].
-        ahead: how much earlier the force is wanted [s].
-
-    Returns:
-        Friction force minus the state's sum [N], shape (K,): added to the offset in force at rest,
-        so that the offset has no jump.
-    """
-    return _along(friction, state, trajectory, 0, samples, period, ahead)
-
-
-def remaining_feedforward(
-    friction: FrictionFigures,
-    state: FrictionState,
-    trajectory: Trajectory,
-    sent: int,
-    samples: int,
-    period: float,
-    ahead: float,
-) -> F64:
-    """Friction force along the rest of a demand, relative to the last sample sent.
-
-    Args:
-        friction: the model as it is believed now.
-        state: friction state now, in the middle of the motion; not changed.
-        trajectory: of the demand; sample k is at time k period.
-        sent: samples k = 1..sent are gone.
         samples: how many there are in all, K.
         period: of the samples [s].
         ahead: how much earlier the force is wanted [s].
+        sent: samples k = 1..sent are gone.
 
     Returns:
-        Friction force at samples sent + 1..K minus that at `sent` [N], shape (K - sent,).
+        Friction force at samples sent + 1..K minus that at `sent`, or minus the state's sum at rest
+        [N], shape (K - sent,): added to the offset in force there, so that the offset has no jump.
     """
-    return _along(friction, state, trajectory, sent, samples, period, ahead)
-
-
-def _along(
-    friction: FrictionFigures,
-    state: FrictionState,
-    trajectory: Trajectory,
-    sent: int,
-    samples: int,
-    period: float,
-    ahead: float,
-) -> F64:
-    """Change of the friction force since sample `sent` of a demand, shape (samples - sent,) [N]."""
     follower, force = state.copy(), np.empty(samples - sent)
     follow_demand(
         make_constants(friction), kernel_figures(friction, period / _STEPS), friction.viscous,

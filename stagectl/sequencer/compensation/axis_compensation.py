@@ -25,7 +25,6 @@ from estimation.friction import (
     count_states,
     friction_feedforward,
     level_with_target,
-    remaining_feedforward,
     state_after,
     varying_feedforward,
 )
@@ -261,8 +260,8 @@ class AxisCompensation:
         force, ahead = self._learned_force(trajectory, across, samples), self.acceleration.ahead
         force = force[sent:] - force[sent - 1]
         if variation is None:
-            force += remaining_feedforward(
-                preview.friction, preview.state, trajectory, sent, samples, self._period, ahead
+            force += friction_feedforward(
+                preview.friction, preview.state, trajectory, samples, self._period, ahead, sent
             )
         else:
             state = preview.state.copy()

@@ -6,7 +6,6 @@ import pytest
 from estimation.friction import FrictionState, follow
 from estimation.friction.feedforward import (
     friction_feedforward,
-    remaining_feedforward,
 )
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
@@ -35,6 +34,6 @@ def test_the_rest_of_a_move_is_the_same_from_the_middle():
     state = FrictionState.relaxed(10)
     follow(TRUE, state, position, velocity, TS / 20, 1, 0.0)
     before = state.forces.copy()
-    rest = remaining_feedforward(TRUE, state, MOVE, 120, 250, TS, 0.15e-3)
+    rest = friction_feedforward(TRUE, state, MOVE, 250, TS, 0.15e-3, 120)
     np.testing.assert_allclose(rest, whole[120:] - whole[119], atol=0.02)
     np.testing.assert_array_equal(state.forces, before)
