@@ -30,6 +30,7 @@ from stagectl.plain_text import find_control, one_line
 MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 200_000
+_TOO_DEEP: Final = f"nested deeper than {MAX_DEPTH} levels"
 
 _TYPE_NAMES: Final[dict[type, str]] = {dict: "a mapping", list: "a list", type(None): "empty"}
 
@@ -197,6 +198,8 @@ def parse_document(text: str, name: str) -> Document:
         mark = Mark(place.line + 1, place.column + 1) if place else None
         context = f" ({error.context})" if error.context else ""
         reason = f"not valid YAML: {error.problem}{context}"
+        if "nesting depth" in str(error.problem):  # PyYAML's limit, from 6.0.4 on, is above ours
+            reason = _TOO_DEEP
         raise ConfigError(format_problem(name, mark, "", reason)) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
@@ -231,7 +234,7 @@ class _Builder:
     def _node(self, event: events.Event, stream: Iterator[events.Event], key: str, d: int) -> Node:
         self._values += 1
         if d > MAX_DEPTH:
-            self._refuse(event, key[:40], f"nested deeper than {MAX_DEPTH} levels")
+            self._refuse(event, key[:40], _TOO_DEEP)
         if self._values > MAX_VALUES:
             self._refuse(event, key, f"more than {MAX_VALUES} values")
         if isinstance(event, events.AliasEvent) or getattr(event, "anchor", None):
