@@ -13,6 +13,9 @@ from tests.short_recipe import short_recipe
 HEAD = """
 import atexit, os, runpy, signal, sys
 
+# A suite started with `&` by a script hands down a SIGINT that is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 def interrupt(*_):
     os.kill(os.getpid(), signal.SIGINT)
 
