@@ -236,10 +236,21 @@ class Stage:
         They end at rest under power in mode hm; `enable` is next.
 
         Raises:
+            ConfigurationError: a drive has no homing method; before power.
             HomingError: names the axis, the method and what the drive reports.
             AxisFault: any other fault.
         """
         self._homing.home(force)
+
+    @_exclusive
+    def check_profile_position(self, axis: str) -> None:
+        """Checks, before power, that `move_to` can move an axis of the booted stage.
+
+        Raises:
+            ConfigurationError: its drive lacks mode pp, or an object of its profile.
+            NodeError: no answer.
+        """
+        self._cycle.channel(axis).axis.check_mode(self._pp.mode)
 
     @_exclusive
     def enable(self) -> None:

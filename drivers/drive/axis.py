@@ -39,6 +39,14 @@ _NAMES = {
     mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
 }
 
+_NEEDED = {
+    Mode.HOMING: (od.HOMING_METHOD,),
+    Mode.PROFILE_POSITION: (
+        od.PROFILE_VELOCITY, od.PROFILE_ACCELERATION, od.PROFILE_DECELERATION
+    ),
+}  # fmt: skip
+"""Objects without which the host cannot say what a mode is to do."""
+
 
 class Axis:
     """An axis and its node.
@@ -218,6 +226,7 @@ class Axis:
             raise ConfigurationError(
                 f"is not in the EDS: no {_NAMES[mode]}", axis=self.name, obj=target
             )
+        self.check_objects(mode)
         if not self.node.offers(od.SUPPORTED_MODES):
             return
         modes = self.node.read(od.SUPPORTED_MODES)
@@ -226,6 +235,19 @@ class Axis:
                 f"0x{modes:08X}: the drive does not offer {_NAMES[mode]} mode",
                 axis=self.name, obj=od.SUPPORTED_MODES,
             )  # fmt: skip
+
+    def check_objects(self, mode: Mode) -> None:
+        """Checks that the drive has the objects that the host writes for a mode.
+
+        Raises:
+            ConfigurationError: one is missing.
+            NodeError: no answer.
+        """
+        for ref in _NEEDED.get(mode, ()):
+            if not self.node.has(ref):
+                raise ConfigurationError(
+                    f"is not offered: {_NAMES[mode]} mode needs it", axis=self.name, obj=ref
+                )
 
     def set_mode(self, mode: Mode) -> None:
         """Writes the mode of operation and waits until the drive displays it (0x6061).

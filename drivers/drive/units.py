@@ -5,7 +5,8 @@ give the encoder increments of one position unit. Velocity and acceleration: 0x6
 increments per second (squared) for one unit, or 0x60A9 and 0x60AA, the unit as a power of ten of
 m/s and m/s^2. Force: 0x6076 [mN]; force values are in thousandths of it (CiA 402).
 
-Where a drive lacks these objects the settings are trusted, which is reported.
+Where a drive lacks these objects the settings are trusted, which is reported. A unit of velocity or
+acceleration that is no power of ten of m/s or m/s^2 (rpm, degrees, increments) is refused.
 """
 
 from __future__ import annotations
@@ -24,6 +25,12 @@ TOLERANCE = 1e-6
 """Relative deviation due to factors that are fractions of 32-bit numbers."""
 _METRE, _SECOND, _SECOND_SQUARED = 0x01, 0x03, 0x57
 """Notations of CiA 303-2 in 0x60A9 and 0x60AA."""
+_NOTATIONS = {
+    0x00: "without dimension", 0x01: "m", 0x03: "s", 0x10: "rad", 0x40: '"', 0x41: "\u00b0",
+    0x42: "'", 0x47: "min", 0x48: "h", 0xA1: "in", 0xB4: "revolutions", 0xB5: "increments",
+    0x57: "s^2", 0xC1: "in",
+}  # fmt: skip
+"""What CiA 303-2 and drives call the notations that a unit of position or time may have."""
 _REVERSED = 0xC0
 """Bits 7 (position) and 6 (velocity) of 0x607E."""
 
@@ -104,17 +111,36 @@ def _check_rate(node: Node, settings: AxisSettings, rate: _Rate, expected: float
     found, ref = None, rate.factor
     if ratio is not None:
         found = float(ratio) * settings.encoder_increment
-    elif node.has(rate.si_unit):
-        notation, ref = node.read(rate.si_unit) & 0xFFFFFFFF, rate.si_unit
-        if notation >> 16 & 0xFF == _METRE and notation >> 8 & 0xFF == rate.time_notation:
-            prefix = notation >> 24
-            found = 10.0 ** (prefix - 256 if prefix > 127 else prefix)
+    elif node.has(rate.si_unit) and node.read(rate.si_unit):  # 0: none is stated
+        found, ref = _power_of_ten(node.read(rate.si_unit), settings, rate), rate.si_unit
     if found is not None and not math.isclose(found, expected, rel_tol=TOLERANCE):
         raise ConfigurationError(
             f"one {rate.name} unit is {found:.6g} {rate.unit}, the settings say "
             f"{expected:.6g} {rate.unit}",
             axis=settings.name, obj=ref,
         )  # fmt: skip
+
+
+def _power_of_ten(unit: int, settings: AxisSettings, rate: _Rate) -> float:
+    """One unit [m/s or m/s^2] by 0x60A9 or 0x60AA: prefix, numerator, denominator, reserved.
+
+    Raises:
+        ConfigurationError: it is another unit than metres, which the host does not convert.
+    """
+    unit &= 0xFFFFFFFF
+    prefix, numerator, denominator = unit >> 24, unit >> 16 & 0xFF, unit >> 8 & 0xFF
+    power = prefix - 256 if prefix > 127 else prefix
+    if (numerator, denominator) != (_METRE, rate.time_notation):
+        meaning = " per ".join(
+            _NOTATIONS.get(part, f"an unknown notation 0x{part:02X}")
+            for part in (numerator, denominator)
+        )
+        factor = f"10^{power} " if power else ""
+        raise ConfigurationError(
+            f"0x{unit:08X} is {factor}{meaning}; only powers of ten of {rate.unit} are supported",
+            axis=settings.name, obj=rate.si_unit,
+        )  # fmt: skip
+    return 10.0**power
 
 
 def _check_polarity(node: Node, settings: AxisSettings) -> None:

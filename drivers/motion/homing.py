@@ -79,6 +79,8 @@ class Homing:
         chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
         if not chosen:
             return
+        for channel in chosen:
+            channel.axis.check_objects(self.mode)
         with self._stopping.on_failure():
             self._power.enter(self.mode, chosen)
             home(self._cycle, chosen)

@@ -113,6 +113,7 @@ def jog(
     _check_distance(chosen, distance, here)
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
+        stage.check_profile_position(axis)
         if not here:
             stage.home()
         stage.enable()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.errors import AxisFault
+from drivers.errors import AxisFault, ConfigurationError
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.cia301 import key
@@ -42,7 +42,9 @@ class Altering:
 
 @contextmanager
 def stage_without(
-    *absent: int, alter: Callable[[int, bytes], bytes] = lambda i, d: d
+    *absent: int,
+    alter: Callable[[int, bytes], bytes] = lambda i, d: d,
+    booted_only: bool = False,
 ) -> Iterator[tuple[Stage, VirtualStage]]:
     """A stage whose axis x lacks these objects, though its EDS lists them."""
     machine = load_machine()
@@ -57,8 +59,9 @@ def stage_without(
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
     with Stage.open(bus, axes) as stage:
         stage.boot()
-        stage.home()
-        stage.enable()
+        if not booted_only:
+            stage.home()
+            stage.enable()
         yield stage, drives
 
 
@@ -210,3 +213,21 @@ def test_halt_needs_an_enabled_stage() -> None:
         stage.disable()
         with pytest.raises(AxisFault, match=r"^axis x: the stage is not enabled"):
             stage.halt()
+
+
+def test_without_a_homing_method_nothing_is_homed_nor_powered() -> None:
+    with stage_without(0x6098, booted_only=True) as (stage, drives):
+        with pytest.raises(ConfigurationError, match=r"^axis x: 0x6098:00 .*not offered: homing"):
+            stage.home()
+        assert not stage.homed
+        operation_enabled = 0x04
+        for drive in drives.drives:
+            assert not drive.dictionary.integer(key(0x6041)) & operation_enabled
+
+
+@pytest.mark.parametrize("absent", [0x6081, 0x6083, 0x6084])
+def test_a_profile_that_cannot_be_written_is_found_before_power(absent: int) -> None:
+    with stage_without(absent, booted_only=True) as (stage, _):
+        with pytest.raises(ConfigurationError, match=rf"^axis x: 0x{absent:X}:00 .*not offered"):
+            stage.check_profile_position("x")
+        stage.check_profile_position("y")

@@ -91,7 +91,7 @@ def test_units_that_agree_are_accepted():
     assert check_units(
         factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x6097_1=1000, x6097_2=1), settings()
     ) == []  # fmt: skip
-    drive = factor_group(1e-9, 1e-9, x60A9_0=0xFA010300, x60AA_0=0x00B44700)  # revolutions
+    drive = factor_group(1e-9, 1e-9, x60A9_0=0xFA010300, x60AA_0=0xFA015700)
     assert check_units(drive, settings(velocity_unit=1e-6)) == []
 
 
@@ -129,9 +129,21 @@ def test_a_velocity_unit_is_a_power_of_ten_of_metres_per_second(notation, unit):
         check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=2 * unit))
 
 
-@pytest.mark.parametrize("notation", [0x00020300, 0x00015700, 0x00B40300, 0x00010000])
-def test_a_notation_other_than_metres_per_second_is_ignored(notation):
-    assert check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings()) == []
+@pytest.mark.parametrize(
+    ("unit", "meaning"),
+    [
+        ({"x60A9_0": 0x00B44700}, "0x60A9:00 .*0x00B44700 is revolutions per min;"),
+        ({"x60A9_0": 0xFF410300}, "0x60A9:00 .*0xFF410300 is 10\\^-1 \u00b0 per s;"),
+        ({"x60A9_0": 0xFFB50300 - (1 << 32)}, "0x60A9:00 .*10\\^-1 increments per s;"),
+        ({"x60A9_0": 0x00015700}, r"0x60A9:00 .*m per s\^2; only powers of ten of m/s are"),
+        ({"x60A9_0": 0x00020300}, "0x60A9:00 .*an unknown notation 0x02 per s;"),
+        ({"x60AA_0": 0x00B4A000}, "0x60AA:00 .*revolutions per an unknown notation 0xA0;"),
+        ({"x60AA_0": 0x00010300}, r"0x60AA:00 .*m per s; only powers of ten of m/s\^2 are"),
+    ],
+)
+def test_a_unit_that_is_no_power_of_ten_of_metres_is_refused(unit, meaning):
+    with pytest.raises(ConfigurationError, match=f"^axis x: {meaning}"):
+        check_units(factor_group(1e-9, 1e-9, **unit), settings())
 
 
 def test_a_rate_may_deviate_by_a_millionth():
