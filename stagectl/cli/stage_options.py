@@ -66,14 +66,18 @@ def load_machines(
 
 
 def stop_on_signal(stop: Callable[[str], None]) -> None:
-    """From now on, Ctrl-C, SIGTERM and a lost terminal request a controlled stop."""
+    """From now on, Ctrl-C, SIGTERM and a lost terminal request a controlled stop.
+
+    A hang-up that was ignored at the start, as under nohup, stays ignored.
+    """
 
     def handler(number: int, _: Any) -> None:
         name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         stop(f"stopped by the operator ({name})")
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, handler)
+        if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 def _load(path: Path | None) -> Machine:
