@@ -5,23 +5,31 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV := $(VENV)/.installed-dev
 
-.PHONY: run test lint types layers bench mutants clean help
+.PHONY: run test test-newest test-lowest lint types layers bench mutants lock clean help
 
 help: ## this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+# What resolves versions; it is pinned nowhere, since nothing else depends on it.
+UV := .venv-uv/bin/uv
+COMPILE := $(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --custom-compile-command 'make lock' --output-file
+$(UV):
+	$(PYTHON) -m venv .venv-uv
+	.venv-uv/bin/python -m pip install --quiet --disable-pip-version-check uv
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+LOCKED := $(PIP) --require-hashes
 
 # What it takes to run. Imported modules compile on first use, so pip need not compile all of them.
-$(INSTALLED): pyproject.toml
+$(INSTALLED): pyproject.toml requirements/run.txt
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) --no-compile --editable .
+	$(LOCKED) --no-compile --requirement requirements/run.txt
+	$(PIP) --no-compile --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# What it takes to test, beside that. --group needs pip 25.1, which older Pythons' venvs do not bring.
-$(DEV): $(INSTALLED)
-	$(PIP) --upgrade 'pip>=25.1'
-	$(PIP) --group dev
+# What it takes to test, beside that. One package has no wheel, and is built by what is installed.
+$(DEV): $(INSTALLED) requirements/dev.txt
+	$(LOCKED) --no-build-isolation --requirement requirements/dev.txt
 	@touch $@
 
 run: $(INSTALLED) ## run the inspection recipe on the virtual stage
@@ -29,9 +37,21 @@ run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 
 # First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
 # In their order, the long files of tests/system come first and none is left over for one process.
+define run_tests
+	STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	$(1)/bin/python -m pytest -m real_time
+endef
+
 test: $(DEV) lint types layers ## lint, types, layers, all tests
-	STAGECTL_REQUIRE_VCAN= $(BIN)/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m real_time
+	$(call run_tests,$(VENV))
+
+# Not with the locked versions, but with what the index has today; on demand, not in CI.
+test-newest: RESOLUTION := highest
+test-lowest: RESOLUTION := lowest-direct
+test-newest test-lowest: test-%: $(UV) ## all tests with the newest or lowest versions that pyproject.toml allows
+	$(UV) venv --quiet --clear --seed --python $(PYTHON) .venv-$*
+	$(UV) pip install --quiet --python .venv-$* --resolution $(RESOLUTION) --group dev --editable '.[postgres,export]'
+	$(call run_tests,.venv-$*)
 
 lint: $(DEV) ## ruff
 	$(BIN)/ruff check .
@@ -50,8 +70,13 @@ bench: $(DEV) ## figures of docs/figures.md, and ratios of the hot paths
 	$(BIN)/python -m benchmarks.rates.cycle_peers
 
 mutants: $(DEV) ## mutants of what must not fail unseen; an hour, on demand
-	$(PIP) --group mutants
+	$(LOCKED) --requirement requirements/mutants.txt
 	nice -n 19 $(BIN)/mutmut run --max-children 1
 
+lock: $(UV) ## requirements/ anew, with the newest versions that pyproject.toml allows
+	$(COMPILE) requirements/run.txt --group build pyproject.toml
+	$(COMPILE) requirements/dev.txt --constraint requirements/run.txt --all-extras --group dev pyproject.toml
+	$(COMPILE) requirements/mutants.txt --constraint requirements/dev.txt --group mutants
+
 clean: ## remove what was built
-	rm -rf $(VENV) runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

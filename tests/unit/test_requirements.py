@@ -1,0 +1,47 @@
+"""What `make` installs is locked, and is what pyproject.toml asks for."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+GROUPS = PROJECT["dependency-groups"]
+EXTRAS = PROJECT["project"]["optional-dependencies"].values()
+RUN = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"], *GROUPS["build"]]
+DEV = [*(r for extra in EXTRAS for r in extra), *GROUPS["dev"]]
+
+
+def blocks(file: str) -> Iterator[str]:
+    """Each requirement with its hashes."""
+    text = (ROOT / "requirements" / file).read_text()
+    for block in re.split(r"\n(?=\S)", "\n" + re.sub(r"(?m)^\s*#.*\n?", "", text)):
+        if block.strip():
+            yield block.strip()
+
+
+@pytest.mark.parametrize(("file", "asked"), [("run.txt", RUN), ("dev.txt", RUN + DEV)])
+def test_every_requirement_is_locked_within_its_bounds(file: str, asked: list[object]) -> None:
+    locked = dict[str, list[str]]()
+    for block in blocks(file):
+        name, _, version = block.split(" ")[0].partition("==")
+        locked.setdefault(canonicalize_name(name), []).append(version)
+    for text in (a for a in asked if isinstance(a, str)):
+        wanted = Requirement(text)
+        versions = locked[canonicalize_name(wanted.name)]
+        assert any(wanted.specifier.contains(version) for version in versions), text
+
+
+@pytest.mark.parametrize("file", ["run.txt", "dev.txt", "mutants.txt"])
+def test_everything_has_hashes_and_nothing_an_address(file: str) -> None:
+    assert "://" not in (ROOT / "requirements" / file).read_text()
+    for block in blocks(file):
+        assert re.match(r"[\w.\[\]-]+==\S+", block), block
+        assert "--hash=sha256:" in block, block
