@@ -15,6 +15,7 @@ _ANGULAR = {
     "kg": "kg m²",
     "N/m": "N m/rad",
     "N s/m": "N m s/rad",
+    "N/s": "N m/s",
     "metres": "radians",
     "newtons": "newton metres",
 }

@@ -323,6 +323,50 @@ class FittedFigure:
 
 
 @dataclass(frozen=True, slots=True)
+class FigureChange:
+    """A plant figure of the machine file that the fit changes within its tolerance.
+
+    Attributes:
+        axis: its name.
+        figure: key in the machine file.
+        old: the machine file's value.
+        new: as fitted.
+        sigma: of `new`.
+        unit: of all three.
+        written: whether the twin has `new`; else it keeps `old`, and this is a warning.
+        why: one clause.
+    """
+
+    axis: str
+    figure: str
+    old: float
+    new: float
+    sigma: float
+    unit: str
+    written: bool
+    why: str
+
+    def texts(self) -> tuple[str, str, str]:
+        """`old`, `new` and `sigma` for people, to two digits of sigma."""
+        decimals = max(1 - math.floor(math.log10(self.sigma)), 0)
+        old, new, sigma = (f"{v:.{decimals}f}" for v in (self.old, self.new, self.sigma))
+        return old, new, sigma
+
+    def to_json(self) -> Json:
+        """The entry of `figures`."""
+        return {
+            "axis": self.axis,
+            "figure": self.figure,
+            "old": _number(self.old),
+            "new": _number(self.new),
+            "sigma": _number(self.sigma),
+            "unit": self.unit,
+            "written": self.written,
+            "why": self.why,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class EmpiricalForce:
     """A description, not a cause, of the force that no effect explains.
 
@@ -398,6 +442,8 @@ class GapReport:
         mode: `CLOSED_LOOP`, or `OPEN_LOOP` where forces are compared along the measured motion.
         clock: sentence on the time from which fading effects count; None for a single recording.
         fitted: figures that the machine file leaves unknown.
+        figures: figures of the machine file that a twin changes, and those whose fit ends at its
+            bound; empty without causes.
         empirical: descriptions of what no effect explains; empty where it is explained.
         next_experiment: None where nothing is left to distinguish.
 
@@ -422,6 +468,7 @@ class GapReport:
     mode: str = CLOSED_LOOP
     clock: str | None = None
     fitted: tuple[FittedFigure, ...] = ()
+    figures: tuple[FigureChange, ...] = ()
     empirical: tuple[EmpiricalForce, ...] = ()
     next_experiment: NextExperiment | None = None
 
@@ -441,6 +488,7 @@ class GapReport:
             "mode": self.mode,
             "clock": self.clock,
             "fitted": [figure.to_json() for figure in self.fitted],
+            "figures": [figure.to_json() for figure in self.figures],
             "empirical": [force.to_json() for force in self.empirical],
             "channels": [finding.to_json() for finding in self.channels],
             "gap": gap_json(self.gap or {}),

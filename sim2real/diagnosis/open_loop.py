@@ -24,6 +24,7 @@ from sim2real.diagnosis.examination import (
     report_without_causes,
 )
 from sim2real.diagnosis.open_loop_reason import give_reason
+from sim2real.diagnosis.plant_figures import FittedFigures, settle_figures
 from sim2real.diagnosis.verdict import Diagnosis, describe_far_off, moved_figures
 from sim2real.fitting import (
     BASE,
@@ -55,6 +56,7 @@ from sim2real.report import (
     Candidate,
     Cause,
     Confusable,
+    FigureChange,
     FittedFigure,
     GapFigures,
     GapReport,
@@ -176,6 +178,12 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         if verdict == NO_GAP and examined.open_loop == OTHER_CONTROLLER:
             verdict = INSUFFICIENT  # the plant agrees, but the controller does not
     models = {a.name: a.found.best.model for a in axes}
+    changes: dict[str, tuple[FigureChange, ...]] = {}
+    if causes:
+        for a in axes:
+            models[a.name], changes[a.name] = settle_figures(
+                _figures_along(a), examined.unknown.get(a.name, ())
+            )
     report = replace(
         report,
         verdict=verdict,
@@ -186,7 +194,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         candidates=tuple(candidates),
         confusable=tuple(alike),
         steps=_steps(axes),
-        fitted=_fitted(examined, axes),
+        fitted=_fitted(examined, axes, models),
     )
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
         report = with_description(report, examined, models, causes)
@@ -195,6 +203,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
     report = replace(
         report,
         causes=tuple(causes),
+        figures=tuple(change for own in changes.values() for change in own),
         gap_closed=share,
         gap_closed_interval=interval,
         gap=_explained_gap(examined, axes),
@@ -312,18 +321,25 @@ def _steps(axes: Sequence[_Axis]) -> tuple[SelectionStep, ...]:
     )
 
 
-def _fitted(examined: Examination, axes: Sequence[_Axis]) -> tuple[FittedFigure, ...]:
+def _figures_along(axis: _Axis) -> FittedFigures:
+    loop, found = axis.loop, axis.found
+    return FittedFigures(loop.axis, found.best.model, found.covariance(), loop.spread[:STEP].copy())
+
+
+def _fitted(
+    examined: Examination, axes: Sequence[_Axis], models: Mapping[str, AxisModel]
+) -> tuple[FittedFigure, ...]:
     """What the machine file leaves unknown, as the final model has it."""
     found = []
     for a in axes:
         spread = np.sqrt(np.maximum(np.diag(a.found.covariance()), 0.0))
-        moved = with_base(a.loop.axis, a.found.best.model.base)
+        moved = with_base(a.loop.axis, models[a.name].base)
         for figure in examined.unknown.get(a.name, ()):
             if figure not in FIGURES:
                 continue
             at = BASE.index(figure)
             value = plant_figure(moved, figure)
-            relative = spread[at] * a.loop.spread[at] / (1.0 + a.found.best.model.base[at])
+            relative = spread[at] * a.loop.spread[at] / (1.0 + models[a.name].base[at])
             sigma = float(relative * value)
             unit = unit_on(a.loop.axis, FIGURES[figure])
             found.append(FittedFigure(a.name, figure, value, sigma, unit))

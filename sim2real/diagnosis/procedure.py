@@ -96,7 +96,7 @@ def diagnose(
         held_out = HeldOut(
             examined.measured, settings, searches, pool, partial(progress, "held-out moves")
         )
-    found = conclude(examined, plain, searches, held_out)
+        found = conclude(examined, plain, searches, held_out)
     if found.report.verdict not in (UNEXPLAINED, PARTLY_EXPLAINED):
         return found
     report = with_description(found.report, examined, found.models, found.report.causes)

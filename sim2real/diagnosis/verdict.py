@@ -19,6 +19,7 @@ from sim2real.attribution import (
     of_size,
 )
 from sim2real.diagnosis.examination import Examination
+from sim2real.diagnosis.plant_figures import figures_of_search, settle_figures
 from sim2real.experiment import propose_experiment
 from sim2real.fitting import (
     BASE,
@@ -66,11 +67,13 @@ class Diagnosis:
 
     Attributes:
         report: its results.
-        models: axis -> base parameters and effects, fitted to all moves.
+        models: axis -> base parameters and effects, fitted to all moves; where causes are named,
+            with the figures that the twin gets.
         searches: axis -> the search.
         explained: signals of the model with the causes found, each move by a fit to other moves,
             one entry per recording; empty where no cause was found.
-        plant: axis -> figure of the plant -> value as fitted within tolerance, for the twin.
+        plant: axis -> figure of the plant -> value, for the twin: what the recordings do not know
+            is as the machine file has it (`plant_figures`).
         profiles: friction over position, where it was named as a cause.
         steps: axis -> the model of each of its steps in the report.
     """
@@ -158,6 +161,9 @@ def conclude(
         return Diagnosis(report, models, searches)
     tests = (FreeFormTest(name, examined.measured, examined.settings) for name in models)
     profiles = tuple(profile for test in tests for profile in test.profiles(models))
+    settled = {name: settle_figures(figures_of_search(found)) for name, found in searches.items()}
+    models = {name: model for name, (model, _) in settled.items()}
+    report = replace(report, figures=tuple(c for _, own in settled.values() for c in own))
     plant = moved_figures(examined.settings, models)
     steps = {
         name: tuple(step.model for step in found.free.steps)
@@ -306,12 +312,16 @@ def _next(
 def moved_figures(
     settings: StageSettings, models: Mapping[str, AxisModel]
 ) -> dict[str, dict[str, float]]:
-    """Plant figures of the fitted models, axis -> figure -> value; of axes that have a model."""
+    """Plant figures that models change, axis -> figure -> value."""
     out = {}
     for axis in settings.axes:
-        if axis.name in models:
-            moved = with_base(axis, models[axis.name].base)
-            out[axis.name] = {figure: plant_figure(moved, figure) for figure in BASE}
+        if axis.name not in models:
+            continue
+        base = models[axis.name].base
+        moved = with_base(axis, base)
+        changed = {f: plant_figure(moved, f) for j, f in enumerate(BASE) if base[j] != 0.0}
+        if changed:
+            out[axis.name] = changed
     return out
 
 

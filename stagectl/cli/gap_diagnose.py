@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis
-    from sim2real.report import Cause, GapReport, NextExperiment
+    from sim2real.report import Cause, FigureChange, GapReport, NextExperiment
     from stagectl.config import Machine
 
 _MAX_CELLS = 6  # places of the gap that are listed
@@ -153,7 +153,7 @@ def diagnose(
         write_atomically(html_out, page, "report")
     has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
     if not is_json_on_stdout(json_out):
-        _print_report(console, report, model.name)
+        print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
             console.print(f"{next_out} is not written: no moves to propose", markup=False)
         without = [name for name, figures in model.unknown.items() if GAINS in figures]
@@ -243,7 +243,7 @@ def _recipe(experiment: NextExperiment) -> str:
     )
 
 
-def _print_report(console: Console, report: GapReport, machine: str) -> None:
+def print_report(console: Console, report: GapReport, machine: str) -> None:
     """The report on one screen (long: one part after another)."""
     word, colour = _VERDICTS[report.verdict]
     lines = [(f"[bold {colour}]{word}[/]:", report.reason)]
@@ -287,6 +287,7 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         )
         for f in report.empirical
     ]
+    lines += [_figure_line(change) for change in report.figures]
     for group in report.confusable:
         lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
     if report.gap_closed is not None:
@@ -311,6 +312,17 @@ def _cause_lines(cause: Cause) -> list[tuple[str, str]]:
     )
     line = f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}"
     return [("cause", line), *([("", cause.remedy)] if cause.remedy else [])]
+
+
+def _figure_line(change: FigureChange) -> tuple[str, str]:
+    """A plant figure that the twin changes, or a warning of one that it keeps."""
+    unit = "" if change.unit == "1" else f" {change.unit}"
+    name = f"{change.axis}: {change.figure}"
+    old, new, sigma = change.texts()
+    if change.written:
+        values = f"{old} → {new} ± {sigma}{unit}"
+        return "figure", f"{name} {values}: {change.why}"
+    return "warning", f"{name} stays {old}{unit}, fitted {new}: {change.why}"
 
 
 def _elsewhere(share: float | None) -> str:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from rich.console import Console
 
-from stagectl.cli.gap_diagnose import diagnose
+from sim2real.report import FigureChange, GapReport
+from stagectl.cli.gap_diagnose import diagnose, print_report
 from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
@@ -223,3 +225,20 @@ def test_damaged_bytes_are_one_line_or_a_report(small, tmp_path):
         path.write_bytes(damaged[: int(rng.integers(100, len(damaged)))])
         report, line = run(path)
         assert report is not None or ("damaged.h5" in line and len(line.splitlines()) >= 1)
+
+
+def test_changed_and_kept_figures_are_listed():
+    report = GapReport(
+        ("r",),
+        "explained",
+        "why",
+        figures=(
+            FigureChange("x", "mass", 8.0, 7.9999657, 2.8e-4, "kg", True, "known"),
+            FigureChange("y", "mass", 14.0, 13.79, 0.21, "kg", False, "at its bound"),
+        ),
+    )
+    console = Console(width=120, record=True)
+    print_report(console, report, "m")
+    lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
+    assert "figure x: mass 8.00000 → 7.99997 ± 0.00028 kg: known" in lines
+    assert "warning y: mass stays 14.00 kg, fitted 13.79: at its bound" in lines

@@ -16,6 +16,7 @@ from sim2real.report import (
     Cause,
     ChannelFinding,
     Confusable,
+    FigureChange,
     GapReport,
     NextExperiment,
     Parameter,
@@ -139,6 +140,22 @@ def test_what_the_models_leave_is_drawn_and_explained(examined, explained):
     assert not re.search(r"\bnan\b", page)
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.S)[1])
     assert data["kinds"] == ["before", "after"]
+
+
+def test_changed_and_kept_figures_are_a_table(examined, explained):
+    changes = (
+        FigureChange("x", "stiffness", 6e5, 6.01e5, 430.0, "N/m", True, "known to 0.07 %"),
+        FigureChange("y", "mass", 14.0, 13.79, 0.21, "kg", False, "at its <bound>"),
+    )
+    page = render_gap_page(replace(explained, figures=changes), examined, "m")
+    Balanced().feed(page)
+    table = re.search(r"<h2>Plant figures</h2>(.*?)</section>", page, re.S)[1]
+    changed, kept = re.findall(r"<tr><td>.*?</tr>", table)
+    for text in ("600000", "601000", "± 430 N/m", "changed", "known to 0.07 %"):
+        assert text in changed
+    for text in ("14.00", "13.79", "± 0.21 kg", "kept", "at its &lt;bound&gt;"):
+        assert text in kept
+    assert "Plant figures" not in render_gap_page(explained, examined, "m")
 
 
 def test_steps_are_a_table(examined, explained):
