@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil_sim.bus import FaultPlan, FaultyWorld, InjectedFault, LockstepBus, World, serve
-    from hil_sim.cia301 import EDS_PATH
+    from hil_sim.cia301 import CSP_DCF_PATH, EDS_PATH
     from hil_sim.drive import Drive
     from hil_sim.effects import AppliedEffect, Effect, Parameter
     from hil_sim.plant import Plant, Response, simulate
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hil_sim.stage import VirtualStage
 
 __all__ = [
+    "CSP_DCF_PATH",
     "EDS_PATH",
     "AppliedEffect",
     "AxisSettings",
@@ -51,7 +52,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "EDS_PATH": "cia301",
+    **dict.fromkeys(("CSP_DCF_PATH", "EDS_PATH"), "cia301"),
     "Drive": "drive",
     "VirtualStage": "stage",
     **dict.fromkeys(("AppliedEffect", "Effect", "Parameter"), "effects"),

@@ -29,8 +29,8 @@ import numpy as np
 from benchmarks.shared.machine_facts import machine_facts
 from drivers import objects as od
 from drivers.stage import Stage
+from hil_sim import CSP_DCF_PATH
 from hil_sim.bus import World, serve
-from hil_sim.cia301 import EDS_PATH
 from hil_sim.ports import SetpointBlock
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import load_machine
@@ -212,19 +212,10 @@ def canopens(
         network.notifier = can.Notifier(bus, network.listeners, 0.1)
         stack.callback(network.notifier.stop)
         time.sleep(0.1)
-    nodes = [network.add_node(n, str(EDS_PATH)) for n in NODES]
+    nodes = [network.add_node(n, str(CSP_DCF_PATH)) for n in NODES]
     for node in nodes:
         node.nmt.state = "PRE-OPERATIONAL"
-        node.rpdo.read()
-        node.tpdo.read()
-        for pdo, names in ((node.rpdo[1], (0x6040, 0x607A, 0x60B2)),
-                           (node.tpdo[1], (0x6041, 0x6064, 0x6077))):  # fmt: skip
-            pdo.clear()
-            for index in names:
-                pdo.add_variable(index)
-            pdo.trans_type = 1
-            pdo.enabled = True
-            pdo.save()
+        node.load_configuration()
         node.sdo[0x6060].raw = 8
         node.nmt.state = "OPERATIONAL"
         for word in (6, 7, 15):

@@ -1,6 +1,6 @@
 """The communication profile of a virtual drive (CiA 301): objects, SDO, PDO, NMT, EMCY."""
 
-from hil_sim.cia301.dictionary import EDS_PATH, Dictionary, Value, key
+from hil_sim.cia301.dictionary import CSP_DCF_PATH, EDS_PATH, Dictionary, Value, key
 from hil_sim.cia301.emergency import (
     COASTING_FAULTS,
     CONNECTION_ABORTED,
@@ -24,6 +24,7 @@ from hil_sim.cia301.sdo_server import DriveSdoServer
 __all__ = [
     "COASTING_FAULTS",
     "CONNECTION_ABORTED",
+    "CSP_DCF_PATH",
     "EDS_PATH",
     "ENCODER_LOST",
     "FOLLOWING_ERROR",

@@ -20,6 +20,9 @@ from canopen.sdo import constants as abort
 Value = int | float | str | bytes
 
 EDS_PATH = Path(__file__).parents[1] / "eds" / "stagectl-linear-drive.eds"
+"""The drive as it is at power-on, with the default mappings of CiA 402."""
+CSP_DCF_PATH = EDS_PATH.with_name("stagectl-linear-drive-csp.dcf")
+"""The same with one synchronous PDO each way, as stagectl's own driver maps it."""
 
 COMMUNICATION_AREA = range(0x1000 << 8, 0x2000 << 8)  # what NMT "reset communication" resets
 

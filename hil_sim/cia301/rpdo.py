@@ -188,7 +188,7 @@ def _writer(
     if len(keys) != 3 or len(hooks) != 1 or hooks[0][0] != keys[0]:
         return write
 
-    # the mapping of our own driver: the controlword acts, two setpoints are stored
+    # stagectl-linear-drive-csp.dcf: the controlword acts, two setpoints are stored
     first, second, third = keys
     act = hooks[0][1]
 

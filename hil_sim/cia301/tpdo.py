@@ -104,7 +104,7 @@ class Tpdo(Pdo):
 
 def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:
     """Make `sample` of a TPDO; it runs at every SYNC."""
-    if len(readers) == 3:  # the mapping of our own driver
+    if len(readers) == 3:  # stagectl-linear-drive-csp.dcf
         first, second, third = readers
         return lambda: pack(first(), second(), third())
     return lambda: pack(*[read() for read in readers])

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 from pathlib import Path
 
+import canopen
 import numpy as np
 import pytest
 
@@ -13,7 +14,9 @@ from drivers.errors import AxisFault, ConfigurationError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, OptionCodes
 from drivers.stage import Stage
+from hil_sim import CSP_DCF_PATH
 from hil_sim.bus import World
+from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
@@ -90,6 +93,22 @@ def test_a_dcf_is_written_except_for_objects_of_the_driver(
         assert held(stage, 0x6067) == 1000  # the machine file's
         assert held(stage, 0x1017) == 100
         assert held(stage, 0x607A) == 0
+
+
+def test_the_pdos_of_a_booted_drive_are_those_of_the_dcf_for_csp(stage_machine: Machine) -> None:
+    stage, drives, _ = open_stage(stage_machine)
+    with stage:
+        stage.boot()
+        for drive in drives.drives:
+            dictionary = canopen.import_od(str(CSP_DCF_PATH), drive.node_id)
+            expected = {
+                (v.index, v.subindex): v.default if v.value is None else v.value
+                for index in dictionary
+                if 0x1400 <= index < 0x1C00
+                for v in dictionary[index].values()
+            }
+            assert len(expected) > 100
+            assert {k: drive.dictionary.integer(key(*k)) for k in expected} == expected
 
 
 def test_all_differences_from_a_dcf_are_one_error(stage_machine: Machine, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ generator of configurations are Lely's dcf-tools.
 """
 
 import configparser
+import runpy
 import subprocess
 import sys
 import sysconfig
@@ -20,12 +21,13 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 from canopen.sdo import SdoClient
 
+from hil_sim import CSP_DCF_PATH, EDS_PATH
 from hil_sim.bus import serve
-from hil_sim.cia301 import EDS_PATH
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import stage_settings
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "canopen_master.py"
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 PERIOD = 0.01
 MM, MM_S, M_S2 = 1_000_000, 1_000_000, 1_000_000
@@ -63,12 +65,17 @@ def drives():
         thread.join()
 
 
-@pytest.fixture
-def network(drives, monkeypatch):
+def wait_longer(monkeypatch):
+    """Canopen's own timeouts suit a machine that does nothing else."""
     monkeypatch.setattr(SdoClient, "RESPONSE_TIMEOUT", ANSWERED_WITHIN)
     for name in ("RESET_FAULT", "SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE",
                  "CHECK_TPDO"):  # fmt: skip
         monkeypatch.setattr(BaseNode402, f"TIMEOUT_{name}", ANSWERED_WITHIN)
+
+
+@pytest.fixture
+def network(drives, monkeypatch):
+    wait_longer(monkeypatch)
     network = canopen.Network()
     network.connect(interface="virtual", channel=drives)
     yield network
@@ -180,6 +187,28 @@ def test_a_cia_402_master_configures_enables_homes_and_runs_every_mode(network, 
     node.state = "SWITCH ON DISABLED"
 
 
+@pytest.mark.real_time
+def test_the_example_moves_an_axis_without_mapping_anything(served_drives, monkeypatch):
+    wait_longer(monkeypatch)
+    example = runpy.run_path(str(EXAMPLE))
+    moved = example["move"](**served_drives, distance=2 * MM, timeout=MOVED_WITHIN)
+    assert abs(moved - 2 * MM) < 0.01 * MM
+
+
+@pytest.mark.real_time
+def test_canopen_loads_the_dcf_for_csp(network):
+    node = network.add_node(1, str(CSP_DCF_PATH))
+    node.nmt.send_command(0x82)
+    node.nmt.wait_for_bootup(ANSWERED_WITHIN)
+    node.load_configuration()
+    for pdos, objects in ((node.rpdo, (0x6040, 0x607A, 0x60B2)),
+                          (node.tpdo, (0x6041, 0x6064, 0x6077))):  # fmt: skip
+        pdos.read()
+        assert [pdo.enabled for pdo in pdos.values()] == [True, False, False, False]
+        assert pdos[1].trans_type == 1
+        assert tuple(variable.index for variable in pdos[1]) == objects
+
+
 def lely(tool, *arguments, cwd=None):
     """One of Lely's tools."""
     return subprocess.run(
@@ -189,9 +218,10 @@ def lely(tool, *arguments, cwd=None):
 
 
 @lelys
+@pytest.mark.parametrize("path", [EDS_PATH, CSP_DCF_PATH], ids=["eds", "dcf"])
 @pytest.mark.parametrize("node", ["1", "127"])
-def test_lelys_checker_accepts_the_eds(node):
-    checked = lely("dcfchk", "-n", node, EDS_PATH)
+def test_lelys_checker_accepts_our_files(path, node):
+    checked = lely("dcfchk", "-n", node, path)
     assert (checked.returncode, checked.stdout + checked.stderr) == (0, "")
 
 

@@ -5,11 +5,16 @@ All are read before any is changed: while the count is 0, some drives show no en
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from canopen import SdoAbortedError
 
 from drivers.bench.conformance.probe import Probe
 
 INVALID = 1 << 31
+ENTRIES = 8
+"""Most that a mapping of whole bytes can have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +24,7 @@ class PdoSetup:
     Attributes:
         communication, mapping: indices of its records.
         cob_id, kind: sub-indices 1 and 2 of the former.  entries: of the latter.
+        spare: entries beyond their number, which have no effect, as far as the drive shows them.
     """
 
     communication: int
@@ -26,6 +32,7 @@ class PdoSetup:
     cob_id: int
     kind: int
     entries: tuple[int, ...]
+    spare: tuple[int, ...]
 
     @classmethod
     def read(cls, probe: Probe, communication: int) -> PdoSetup:
@@ -38,6 +45,7 @@ class PdoSetup:
             probe.read(communication, 1),
             probe.read(communication, 2),
             tuple(probe.read(mapping, sub) for sub in range(1, count + 1)),
+            tuple(_spare(probe, mapping, count)),
         )
 
     def restore(self, probe: Probe) -> str:
@@ -47,7 +55,7 @@ class PdoSetup:
         steps = [
             (self.communication, 1, self.cob_id | INVALID),
             (self.mapping, 0, 0),
-            *((self.mapping, sub, entry) for sub, entry in enumerate(self.entries, start=1)),
+            *((self.mapping, sub, v) for sub, v in enumerate(self.entries + self.spare, start=1)),
             (self.mapping, 0, len(self.entries)),
             (self.communication, 2, self.kind),
             (self.communication, 1, self.cob_id),
@@ -55,7 +63,7 @@ class PdoSetup:
         for step in steps:
             probe.abort_code(lambda s=step: probe.write(*s))  # type: ignore[misc]
         held = PdoSetup.read(probe, self.communication)
-        if held == self:
+        if replace(held, spare=self.spare) == self:
             return ""
         return f"0x{self.communication:04X} has {held.text()}, had {self.text()}"
 
@@ -63,6 +71,14 @@ class PdoSetup:
         """The parameters on one line."""
         entries = " ".join(f"{entry:08X}" for entry in self.entries) or "nothing"
         return f"COB-ID 0x{self.cob_id:08X}, type {self.kind}, {entries} mapped"
+
+
+def _spare(probe: Probe, mapping: int, count: int) -> Iterator[int]:
+    try:
+        for sub in range(count + 1, ENTRIES + 1):
+            yield probe.read(mapping, sub)
+    except SdoAbortedError:
+        return
 
 
 def restore_pdos(probe: Probe, *communication: int) -> None:

@@ -210,10 +210,27 @@ class Host:
         """Error code and error register of each EMCY received so far."""
         return [struct.unpack_from("<HB", f.data) for f in self.take(0x080 + node)]
 
+    def map_for_csp(self, *nodes: int) -> None:
+        """The mappings of our own driver, those of stagectl-linear-drive-csp.dcf."""
+        for node in nodes or (1, 2):
+            for n in range(4):
+                self.write(node, 0x1400 + n, 1, "I", 0x80000200 + 0x100 * n + node)
+                self.write(node, 0x1800 + n, 1, "I", 0xC0000180 + 0x100 * n + node)
+            for mapping, communication, entries, cob in (
+                (0x1600, 0x1400, (0x60400010, 0x607A0020, 0x60B20010), 0x200 + node),
+                (0x1A00, 0x1800, (0x60410010, 0x60640020, 0x60770010), 0x40000180 + node),
+            ):
+                self.write(node, mapping, 0, "B", 0)
+                for sub, entry in enumerate(entries, 1):
+                    self.write(node, mapping, sub, "I", entry)
+                self.write(node, mapping, 0, "B", len(entries))
+                self.write(node, communication, 2, "B", 1)
+                self.write(node, communication, 1, "I", cob)
+
     def cycle(
         self, target: int, force: int = 0, word: int = 0x0F, node: int = 1
     ) -> tuple[int, ...]:
-        """One SYNC of 1 ms with the default mapping: statusword, position, force."""
+        """One SYNC of 1 ms with the mapping of csp: statusword, position, force."""
         self.send(0x200 + node, struct.pack("<Hih", word, target, force))
         self.send(0x080)
         frame = self.take(0x180 + node)[-1]
@@ -250,12 +267,19 @@ def stage(stage_settings: StageSettings, plant: FollowingPlant, world: World) ->
 
 
 @pytest.fixture
-def host(stage: VirtualStage, world: World) -> Iterator[Host]:
+def fresh(stage: VirtualStage, world: World) -> Iterator[Host]:
     """A host on the bus of the following plant, 30 ms after power-on, nodes pre-operational."""
     with can.Bus(interface="lockstep", channel=world.name) as bus:
         host = Host(bus)
         host.wait(30)
         yield host
+
+
+@pytest.fixture
+def host(fresh: Host) -> Host:
+    """The same with both nodes mapped for csp."""
+    fresh.map_for_csp()
+    return fresh
 
 
 @pytest.fixture
@@ -268,7 +292,7 @@ def streaming(host: Host) -> Host:
     return host
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_host() -> type[Host]:
     """`Host` itself, for tests that bring their own bus."""
     return Host

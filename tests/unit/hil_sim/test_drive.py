@@ -33,13 +33,14 @@ def test_a_fault_of_one_node_leaves_the_other_alone(streaming, plant):
     assert host.statusword(2) & 0x6F == 0x27
 
 
-def test_two_runs_give_the_same_frames(stage_settings):
+def test_two_runs_give_the_same_frames(stage_settings, make_host):
     def run() -> list[tuple[int, int, bytes]]:
         world = World("twice")
         VirtualStage(stage_settings, seed=3).attach(world)
         frames = []
         with can.Bus(interface="lockstep", channel="twice") as bus:
             bus.clock.sleep_until_ns(30_000_000)
+            make_host(bus).map_for_csp()
 
             def send(can_id: int, data: bytes) -> None:
                 bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
@@ -84,6 +85,7 @@ def test_the_sync_counter(host):
     assert host.emergencies() == [(0x8240, 0x11)]  # once
     host.nmt(130)
     host.wait(30)
+    host.map_for_csp()
     host.nmt(1)
     host.send(0x080)
     assert len(host.take(0x181)) == 1

@@ -19,6 +19,11 @@ rpdos = st.builds(
     words,
     st.integers(-3_000_000, 3_000_000),
     st.integers(-32768, 32767),
+) | st.builds(
+    lambda word, third, target: (0x401 + third, struct.pack("<Hi", word, target)),
+    words,
+    st.sampled_from([0, 0x100]),
+    st.integers(-3_000_000, 3_000_000),
 )
 objects = st.sampled_from(
     [
@@ -44,7 +49,8 @@ powering = st.sampled_from([6, 7, 15, 15, 31]).map(lambda w: write((0x6040, 0, "
 modes = st.sampled_from([1, 6, 8]).map(lambda m: write((0x6060, 0, "b"), m))
 nmt = st.sampled_from([1, 1, 1, 2, 128, 129, 130]).map(lambda c: (0x000, bytes((c, 0))))
 noise = st.tuples(
-    st.sampled_from([0x000, 0x080, 0x201, 0x301, 0x601, 0x701, 0x77F]), st.binary(max_size=8)
+    st.sampled_from([0x000, 0x080, 0x201, 0x301, 0x401, 0x501, 0x601, 0x701, 0x77F]),
+    st.binary(max_size=8),
 )
 sync = st.just((0x080, b""))
 waits = st.integers(1, 60).map(lambda ms: (None, ms))
@@ -62,14 +68,18 @@ def enabling(mode):
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.sampled_from([1, 6, 8]), steps)
-def test_any_sequence_of_frames(make_following_plant, stage_settings, mode, sequence):
+@given(st.booleans(), st.sampled_from([1, 6, 8]), steps)
+def test_any_sequence_of_frames(
+    make_following_plant, make_host, stage_settings, mapped, mode, sequence
+):
     plant = make_following_plant()
     world = World("fuzz")
     stage = VirtualStage(stage_settings, 1, plant=plant)
     stage.attach(world)
     with can.Bus(interface="lockstep", channel="fuzz") as bus:
         bus.clock.sleep_until_ns(30_000_000)
+        if mapped:
+            make_host(bus).map_for_csp(1)
         for can_id, payload in [*enabling(mode), *sequence]:
             before = plant.actual[0], plant.time_ns
             if can_id is None:

@@ -47,6 +47,7 @@ def test_csp_over_can_is_the_compiled_simulation(stage_settings, world, make_hos
     with can.Bus(interface="lockstep", channel=world.name) as bus:
         host = make_host(bus)
         host.wait(30)
+        host.map_for_csp()
         for node in (1, 2):
             host.enable(8, node)
         host.nmt(1)
@@ -131,9 +132,7 @@ def test_served_on_a_virtual_bus(stage_settings, plant):
             end = time.monotonic() + 100.0
             status = 0
             while not status & 0x0400 and time.monotonic() < end:
-                send(0x080)
-                status, position, _ = struct.unpack("<Hih", wait_for(0x181))
-                time.sleep(0.005)
+                status, position = struct.unpack("<Hi", wait_for(0x381))
             assert status & 0x0400
             assert position == 200_000
         finally:

@@ -44,6 +44,7 @@ class Bench:
         self.bus = can.Bus(interface="lockstep", channel=name)
         self.host = make_host(self.bus)
         self.host.wait(30)
+        self.host.map_for_csp()
         for node in (1, 2):
             self.host.enable(8, node)
         self.host.nmt(1)

@@ -32,6 +32,7 @@ class Bench:
         return [entry.count for entry in self.world.injected]
 
     def enable(self):
+        self.host.map_for_csp()
         self.host.nmt(1)
         for node in (1, 2):
             self.host.enable(8, node)

@@ -139,6 +139,7 @@ def test_without_a_fault_that_strikes_all_is_as_without_faults(
         with can.Bus(interface="lockstep", channel=world.name) as bus:
             host = make_host(bus)
             host.wait(30)
+            host.map_for_csp()
             host.nmt(1)
             for node in (1, 2):
                 host.enable(8, node)
