@@ -23,7 +23,7 @@ from stagectl.store import write_atomically
 
 _LEVELS = {"good": "good", "watch": "warning", "act": "bad", "failed": "bad"}
 """Severities, from the best to the worst, and how the page colours them."""
-_WORDS = {"good": "nothing to do", "watch": "to watch", "act": "to act on", "failed": "failed"}
+_WORDS = {"good": "in order", "watch": "to watch", "act": "to act on", "failed": "failed"}
 
 
 @dataclass(frozen=True, slots=True)

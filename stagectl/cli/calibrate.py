@@ -298,7 +298,8 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))  # fits 80 columns
     for title in (
-        "site", "x, mm", "y, mm", "axis", "Fc, N", "±1 sigma", "change", "bit (exp.)", "",
+        "site", "x, mm", "y, mm", "axis", "Fc, N", "±1 sigma", "change",
+        "bits gained\n(expected)", "",
     ):  # fmt: skip
         table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
     lines: list[RenderableType] = []

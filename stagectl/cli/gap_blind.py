@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
 )
 @click.option("--lines", type=OUTPUT, help="Append each trial here; skip trials it already holds.")
-@click.option("--label", default="", help="Version under test, for lines and page.")
+@click.option("--label", default="", help="Version that is tested, as --lines and --docs name it.")
 @JSON_OUT
 @click.option("--docs", type=OUTPUT, help="Write a Markdown page on all trials in --lines.")
 def blind(

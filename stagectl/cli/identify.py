@@ -162,7 +162,7 @@ MACHINE_KEYS = (
 )  # fmt: skip
 _TESTED = (*MACHINE_KEYS, "relaxation_rate")
 _HELD_OUT = {
-    "better": "Better alone on held-out moves, but all together do not predict them better",
+    "better": "Each alone predicts held-out moves better, all together do not",
     "no better": "Held-out moves are predicted as well with the prior",
     "worse": "Held-out moves are predicted better with the prior",
     "untested": "Not tested, for too few moves to hold any out",
@@ -196,7 +196,7 @@ def _for_machine_file(answer: Identification) -> list[str]:
     """
     pairs = [f"{name}: {value:.4g}" for name, value in _machine_values(answer).items()]
     rows = [f"    {', '.join(pairs[i : i + 3])}" for i in range(0, len(pairs), 3)]
-    lines = ["  For the machine file:", *rows] if rows else ["  Nothing for the machine file."]
+    lines = ["  For the machine file:", *rows] if rows else ["  No value is worth changing."]
     for verdict, words in _HELD_OUT.items():
         names = [
             f.name

@@ -216,12 +216,13 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     calibration = load_calibration(path, request.machine)
     due = due_now(calibration, request)
     allowed = budget if budget is not None else calibration.budget
-    recipe, spent = insert_sites(
-        request.recipe, due, calibration.sequence, DEFAULT_BUDGET if allowed is None else allowed
-    )
+    allowed = DEFAULT_BUDGET if allowed is None else allowed
+    recipe, spent = insert_sites(request.recipe, due, calibration.sequence, allowed)
     where = "; ".join(f"({x * 1e3:g}, {y * 1e3:g}) mm" for _, (x, y) in recipe.slipped)
+    left = len(due) - len(recipe.slipped)
     click.echo(
-        f"{len(due)} calibration sites due, {len(recipe.slipped)} inserted ({spent:.1f} s)"
+        f"{len(due)} calibration sites due, {len(recipe.slipped)} inserted "
+        f"({spent:.1f} of {allowed:g} s{f'; no time for the other {left}' if left else ''})"
         + (f": {where}" if where else ""),
         err=True,
     )

@@ -147,10 +147,10 @@ def _settling(summary: Summary) -> str:
         }
     )
     count = sum(map(len, micro.values()))
-    where, each = ("on the worse axis ", " per axis") if len(micro) > 1 else ("", "")
+    where = " on the worse axis" if len(micro) > 1 else ""
     return (
-        f"Micro-moves settle {where}to {' and to '.join(times)}, with a peak error of "
-        f"{format_micrometres(error)}\u00a0µm{axes}: medians{each}, {count} moves."
+        f"Median settling{where}: {', '.join(times)}; median peak error "
+        f"{format_micrometres(error)}\u00a0µm{axes} ({count} micro-moves)."
     )
 
 
@@ -229,7 +229,7 @@ def _punctuality(summary: Mapping[str, Any]) -> str:
     if ledger["late_in_a_row"] > 1:
         text += f", at most {ledger['late_in_a_row']} late SYNCs in a row"
     came = [a for a in ledger["arrival"].values() if a["max"] is not None]
-    if came:
+    if came and not summary["simulated"]:  # in virtual time they come with their SYNC
         latest = format_milliseconds(max(a["max"] for a in came))
         text += f"; the latest TPDO came {latest} ms after its SYNC"
     return text

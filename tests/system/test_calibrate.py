@@ -319,6 +319,7 @@ def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path
         int, re.search(r"(\d+) calibration sites due, (\d+) inserted", said).groups()
     )
     assert due > slipped == 1  # the budget has room for one of them
+    assert f"of 2 s; no time for the other {due - 1})" in said
     moves = json.loads((tmp_path / "slipped" / "summary.json").read_text())["moves"]
     assert sum(m["kind"] == "creep" or m["kind"] == "other" for m in moves) >= 8
     # What it has shown there is that site's, wherever its moves ended; and production's its own.

@@ -64,7 +64,7 @@ def test_it_has_every_site_its_change_and_its_verdict(report):
 
 def test_the_headline_counts_verdicts_the_worst_first(report):
     assert verdict(report) == (
-        "5 of 5 visits; results by site and axis: 1 to act on, 1 to watch, 2 nothing to do. "
+        "5 of 5 visits; results by site and axis: 1 to act on, 1 to watch, 2 in order. "
         "New map 4, compared with map 3."
     )
 

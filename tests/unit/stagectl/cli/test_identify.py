@@ -39,12 +39,12 @@ def test_only_what_is_recommended_is_for_the_machine_file():
 
 def test_nothing_recommended_says_so_and_why():
     worse = _for_machine_file(answer(dict.fromkeys(NAMES, WORSE), {}))
-    assert worse[0] == "  Nothing for the machine file."
+    assert worse[0] == "  No value is worth changing."
     assert worse[1].startswith("  Held-out moves are predicted better with the prior: coulomb")
     untested = "\n".join(_for_machine_file(answer(dict.fromkeys(NAMES, UNTESTED), {})))
     assert "too few moves to hold any out: coulomb" in untested
-    apart = "\n".join(_for_machine_file(answer({}, {})))
-    assert "all together do not predict them better: coulomb" in re.sub(r"\s+", " ", apart)
+    apart = re.sub(r"\s+", " ", "\n".join(_for_machine_file(answer({}, {}))))
+    assert "Each alone predicts held-out moves better, all together do not: coulomb" in apart
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,18 @@ def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
     assert content.latest_friction(summary, ("x", "y")) == [("x", "coulomb", "6.02", "0.0100", "N")]
 
 
+def test_arrival_of_tpdos_is_told_only_where_there_was_a_bus():
+    ledger = {
+        "tardy": 0, "doubled": 0, "late_in_a_row": 0, "arrival": {"x": {"max": 0.0004}},
+    }  # fmt: skip
+    summary = {
+        "outcome": "completed", "fault": None, "moves": [], "friction": [], "simulated": False,
+        "cycle": {"period": 0.002, "missed": 0, "late": 0}, "punctuality": ledger,
+    }  # fmt: skip
+    assert content.notices(summary)[-1].text.endswith("the latest TPDO came 0.4 ms after its SYNC.")
+    assert "latest" not in content.notices({**summary, "simulated": True})[-1].text
+
+
 def test_the_headline_gives_the_worse_axis_where_one_is_fast():
     moves = [
         {
@@ -45,11 +57,11 @@ def test_the_headline_gives_the_worse_axis_where_one_is_fast():
     ]  # fmt: skip
     summary = {"outcome": "completed", "moves": moves}
     assert content.headline(summary) == (
-        "Micro-moves settle on the worse axis to ±50 nm in 9.5\u00a0ms (x) and to ±200 nm in "
-        "0\u00a0ms, with a peak error of 0.0900\u00a0µm (y): medians per axis, 6 moves."
+        "Median settling on the worse axis: ±50 nm in 9.5\u00a0ms (x), ±200 nm in 0\u00a0ms; "
+        "median peak error 0.0900\u00a0µm (y) (6 micro-moves)."
     )
     alone = {**summary, "moves": [move for move in moves if move["axis"] == "y"]}
     assert content.headline(alone) == (
-        "Micro-moves settle to ±50 nm in 0\u00a0ms and to ±200 nm in 0\u00a0ms, with a peak error "
-        "of 0.0900\u00a0µm: medians, 3 moves."
+        "Median settling: ±50 nm in 0\u00a0ms, ±200 nm in 0\u00a0ms; median peak error "
+        "0.0900\u00a0µm (3 micro-moves)."
     )
