@@ -28,7 +28,7 @@ from sim2real.gap import (
     Gap,
     Located,
     Measured,
-    combined_gap,
+    combined_floors,
     compare_with_model,
     locate_gap,
     pool_gaps,
@@ -413,7 +413,7 @@ def report_without_causes(examined: Examination) -> GapReport:
     located = () if examined.located is None else examined.located.cells
     verdict, reason = INSUFFICIENT, examined.insufficient or "no recording"
     if examined.insufficient is None and examined.gap is not None:
-        size = combined_gap(examined.gap) ** 0.5
+        size = combined_floors(examined.gap)
         verdict = UNEXPLAINED
         reason = f"the combined gap is {size:.3g} times the floor; no cause has been looked for"
     mode = CLOSED_LOOP if examined.open_loop is None else OPEN_LOOP

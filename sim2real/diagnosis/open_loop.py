@@ -187,9 +187,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
     report = replace(
         report,
         verdict=verdict,
-        reason=give_reason(
-            verdict, causes, {a.name: a.found for a in axes}, share, math.sqrt(opened), examined
-        ),
+        reason=give_reason(verdict, causes, {a.name: a.found for a in axes}, share, examined),
         where=() if verdict == NO_GAP else report.where,
         candidates=tuple(candidates),
         confusable=tuple(alike),

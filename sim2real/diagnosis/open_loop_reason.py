@@ -9,6 +9,7 @@ from sim2real.diagnosis.examination import Examination
 from sim2real.diagnosis.verdict import name_causes
 from sim2real.fitting import implausibility
 from sim2real.free_loop import FreeSearch
+from sim2real.gap import combined_floors
 from sim2real.open_loop import FIGURES
 from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
 from sim2real.scoring.constants import CLOSED, STRANGE
@@ -20,7 +21,6 @@ def give_reason(
     causes: Sequence[Cause],
     searches: Mapping[str, FreeSearch],
     share: float | None,
-    size: float,
     examined: Examination,
 ) -> str:
     """The reason for a verdict, in one sentence.
@@ -30,7 +30,6 @@ def give_reason(
         causes: that are named.
         searches: axis -> its search.
         share: of the gap that the causes close, where it is known.
-        size: of the gap in force, in floors.
         examined: the recordings.
     """
     highest = min(own.cutoff for motion in examined.motions for own in motion.axes.values())
@@ -38,7 +37,7 @@ def give_reason(
         f"{examined.open_loop}, so forces are compared along the measured motion, "
         f"up to {highest:.3g} Hz"
     )
-    gap = f"the gap in force is {size:.3g} times the floor"
+    gap = f"the gap in force is {combined_floors(examined.gap or {}):.3g} times the floor"
     if verdict in (NO_GAP, INSUFFICIENT):
         fitted = [f for figures in examined.unknown.values() for f in figures if f in FIGURES]
         if fitted:

@@ -17,7 +17,8 @@ from sim2real.diagnosis.verdict import Diagnosis
 from sim2real.fitting import AxisModel
 from sim2real.gap import NO_GAP_BELOW
 from sim2real.open_loop import MotionLoop
-from sim2real.report import GapReport
+from sim2real.report import EXPLAINED, PARTLY_EXPLAINED, GapReport
+from sim2real.scoring.constants import ENOUGH
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 from stagedata import Recording
 
@@ -60,6 +61,8 @@ def examine_others(
 def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
     """The report with what all causes, and each step of the selection, close on other recordings.
 
+    What does not close enough of the gap there explains it partly.
+
     Args:
         diagnosis: with causes; without any its report is returned as it is.
         others: recordings of the same stage that it knows nothing of, with their gaps.
@@ -94,7 +97,14 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
             step = replace(step, elsewhere=_closed(before[step.axis], left, 1))
         steps.append(step)
     share = _closed(sum(before.values()), sum(after.values()), len(names))
-    return replace(report, steps=tuple(steps), gap_closed_elsewhere=share)
+    verdict, reason = report.verdict, report.reason
+    if share is not None:
+        reason += f"; on the recordings of --check {100 * share:.0f} %"
+        if verdict == EXPLAINED and share < ENOUGH:
+            verdict = PARTLY_EXPLAINED
+    return replace(
+        report, verdict=verdict, reason=reason, steps=tuple(steps), gap_closed_elsewhere=share
+    )
 
 
 def _closed(before: float, after: float, axes: int) -> float | None:

@@ -28,7 +28,7 @@ from sim2real.fitting import (
     plant_figure,
     with_base,
 )
-from sim2real.gap import NO_GAP_BELOW, Signals
+from sim2real.gap import NO_GAP_BELOW, Signals, combined_floors
 from sim2real.report import (
     EXPLAINED,
     NO_GAP,
@@ -134,7 +134,7 @@ def conclude(
     far_off = describe_far_off(examined)
     if verdict == NO_GAP and far_off:
         verdict = UNEXPLAINED
-    reason = _reason(verdict, confident, share, total / signals, whole)
+    reason = _reason(verdict, confident, share, combined_floors(examined.gap or {}), whole)
     if verdict == UNEXPLAINED and far_off:
         reason += f"; {far_off}"
     report = replace(
@@ -354,10 +354,10 @@ def _explained_gap(
 
 
 def _reason(
-    verdict: str, causes: Sequence[Cause], share: float | None, gap: float, whole: bool
+    verdict: str, causes: Sequence[Cause], share: float | None, floors: float, whole: bool
 ) -> str:
     """The reason for a verdict, in one sentence."""
-    size = f"the combined gap is {math.sqrt(gap):.3g} times the floor"
+    size = f"the combined gap is {floors:.3g} times the floor"
     if verdict == NO_GAP:
         return f"{size}: within the machine file's tolerance and repeatability"
     if verdict == UNEXPLAINED:

@@ -5,12 +5,13 @@ friction wander alone would leave, `measure` computes the gap from both, and `lo
 conditions of motion that hold most of it. Nothing is fitted here.
 """
 
-from sim2real.gap.floor import Floor, check_repeats, estimate_floor
+from sim2real.gap.floor import PERFECT_MODEL, Floor, check_repeats, estimate_floor
 from sim2real.gap.location import Located, locate_gap
 from sim2real.gap.measure import (
     NO_GAP_BELOW,
     Gap,
     Measured,
+    combined_floors,
     combined_gap,
     compare_with_model,
     gap_closed,
@@ -30,6 +31,7 @@ from sim2real.gap.sync_grid import match_periods, number_periods
 
 __all__ = [
     "NO_GAP_BELOW",
+    "PERFECT_MODEL",
     "Floor",
     "Gap",
     "Located",
@@ -38,6 +40,7 @@ __all__ = [
     "Signals",
     "check_repeats",
     "coarse_steps",
+    "combined_floors",
     "combined_gap",
     "compare_with_model",
     "estimate_floor",

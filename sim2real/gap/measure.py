@@ -9,7 +9,7 @@ docs/formats/gap-report.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hil_sim.settings import StageSettings
@@ -85,7 +85,12 @@ def compare_with_model(
     return Measured(replay, below, difference, gap, checked)
 
 
-def combined_gap(gap: Gap) -> float:
+def combined_floors(gap: Mapping[str, Mapping[str, GapFigures]]) -> float:
+    """The combined gap in floors: the one figure that reasons, tables and pages give for it."""
+    return math.sqrt(combined_gap(gap))
+
+
+def combined_gap(gap: Mapping[str, Mapping[str, GapFigures]]) -> float:
     """Combined gap per signal, squared: G^2 over the number of signals, 1 at the floor.
 
     Signals whose floor is zero (a machine file without noise and repeatability) do not count.

@@ -119,10 +119,11 @@ def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names:
     """
     from rich.table import Table
 
+    from sim2real.gap import PERFECT_MODEL
     from sim2real.report import SHOWN_AS
 
     both = any(f.explained is not None for signals in found.values() for f in signals.values())
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", caption=PERFECT_MODEL, caption_justify="left")
     gaps = (names or ("gap", "explained"))[: 2 if both else 1]
     for name in ("axis", "signal", *gaps, "floor", *(f"{gap} / floor" for gap in gaps)):
         table.add_column(name, justify="left" if name in ("axis", "signal") else "right")

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
-from sim2real.gap import Signals, combined_gap
+from sim2real.gap import PERFECT_MODEL, Signals, combined_floors
 from sim2real.report import SHOWN_AS, GapReport
 from sim2real.residuals import ResidualViews
 from stagectl.report.content import DASH, Notice
@@ -94,6 +94,7 @@ def render_gap_page(
         figures=_figures(report),
         gap_rows=_gap_rows(report),
         explained=explained is not None,
+        perfect_model=PERFECT_MODEL,
         repeats=_repeats(examined),
         sections=sections,
         profiles=[traces.friction_panel(profile, axes[profile.axis]) for profile in profiles],
@@ -132,17 +133,23 @@ def headline(report: GapReport) -> str:
         named = f"{_listed(names)} on {axes[0]}"
     else:
         named = _listed([f"{n} on {axis}" for n, axis in zip(names, axes, strict=True)])
-    closed = ""
-    if report.gap_closed is not None:
-        which = "which closes" if len(report.causes) == 1 else "which together close"
-        closed = f", {which} {100 * report.gap_closed:.0f} % of it"
+    named = named[:1].upper() + named[1:]
+    verb = "accounts" if len(report.causes) == 1 else "together account"
+    share = report.gap_closed
+    size = "" if share is None else f"{100 * share:.0f} % of "
+    share = report.gap_closed_elsewhere
+    checked = (
+        "" if share is None
+        else f", on the recordings of --check for {100 * max(share, 0.0):.0f} %"
+    )  # fmt: skip
     match report.verdict:
         case "no_gap":
             return "The machine file describes this stage down to the noise floor."
         case "explained":
-            return f"The gap is {named}{closed}."
+            return f"{named} {verb} for {size}the gap{checked}."
         case "partly_explained":
-            return f"Part of the gap is {named}{closed}; the rest is unexplained."
+            size = size or "part of "
+            return f"{named} {verb} for {size}the gap{checked}; the rest is unexplained."
         case "unexplained":
             return "There is a gap, but no known effect explains it."
         case _:
@@ -158,9 +165,9 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
     """The key figures in large type: value and meaning."""
     figures = []
     if report.gap:
-        gap = combined_gap(report.gap)  # type: ignore[arg-type]
-        if math.isfinite(gap):
-            figures.append((f"{gap**0.5:.1f} \u00d7 floor", "gap of the machine file"))
+        floors = combined_floors(report.gap)
+        if math.isfinite(floors):
+            figures.append((f"{floors:.3g} \u00d7 floor", "gap of the machine file"))
     if report.gap_closed is not None:
         figures.append((f"{100 * report.gap_closed:.0f} %", "of the gap closed, on held-out moves"))
         if report.gap_closed_interval is not None:

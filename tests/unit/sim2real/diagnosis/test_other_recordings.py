@@ -51,6 +51,19 @@ def test_each_step_is_judged_with_its_own_figures(others):
     assert report.to_json()["steps"][1]["elsewhere"] == second
 
 
+@pytest.mark.parametrize(
+    ("figures", "verdict"),
+    [(COGGING, "explained"), ({**COGGING, "amplitude": 0.6}, "partly_explained")],
+)
+def test_what_explains_too_little_elsewhere_explains_partly(others, figures, verdict):
+    diagnosis = found(others, model(force_offset=OFFSET, cogging=figures))
+    explained = replace(diagnosis.report, verdict="explained", reason="all of it")
+    report = judge_elsewhere(replace(diagnosis, report=explained), others)
+    assert report.verdict == verdict
+    share = f"{100 * report.gap_closed_elsewhere:.0f} %"
+    assert report.reason == f"all of it; on the recordings of --check {share}"
+
+
 def test_wrong_figures_close_less_than_nothing(others):
     wrong = model(cogging={**COGGING, "phase": 0.5 + np.pi})
     report = judge_elsewhere(found(others, wrong), others)

@@ -9,7 +9,7 @@ import pytest
 from hil_sim.settings import StageSettings
 from sim2real.diagnosis import diagnose, examine
 from sim2real.diagnosis.verdict import describe_far_off, name_causes
-from sim2real.gap import compare_with_model
+from sim2real.gap import combined_floors, compare_with_model
 from sim2real.report import Cause
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -21,7 +21,9 @@ def test_a_gap_as_large_as_the_motion_is_never_none(
     recording, settings = stage_with(nominal, 3), nominal[1]
     sound = examine([recording], settings)
     assert describe_far_off(sound) == ""
-    assert diagnose(sound, TOLERANCE, {}).report.verdict == "no_gap"
+    fine = diagnose(sound, TOLERANCE, {}).report
+    assert fine.verdict == "no_gap"
+    assert f"is {combined_floors(fine.gap):.3g} times the floor" in fine.reason, "one figure for it"
 
     x = recording.axes["x"]
     middle = x.position_demand.mean()

@@ -117,7 +117,7 @@ def test_the_page_is_complete_and_loads_nothing(examined, explained):
         similarity={"y": {("force_ripple", "cogging"): 0.8}},
     )  # fmt: skip
     Balanced().feed(page)
-    assert "The gap is force ripple on y, which closes 93 % of it." in page
+    assert "Force ripple on y accounts for 93 % of the gap." in page
     for text in (
         "Nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
         "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "± 0.0020",  # noqa: RUF001
@@ -173,7 +173,7 @@ def test_the_clock_of_several_recordings_is_named(examined, explained):
 
 def test_verdict_comes_first(examined, explained):
     page = render_gap_page(explained, examined, "m")
-    assert page.index("The gap is") < page.index("Gap and floor") < page.index("Where the gap is")
+    assert page.index("accounts for") < page.index("Gap and floor") < page.index("Where the gap is")
 
 
 def test_without_causes_there_are_no_curves_after(examined):
@@ -196,11 +196,28 @@ def test_an_insufficient_recording_has_a_page_too(examined):
 def test_several_causes_are_a_sentence():
     causes = tuple(Cause("x", name, 0.9, {}, None, None) for name in ("cogging", "dead_time"))
     report = GapReport((), "explained", "", causes=causes, gap_closed=0.9)
-    assert headline(report) == (
-        "The gap is cogging and dead time on x, which together close 90 % of it."
-    )
+    assert headline(report) == ("Cogging and dead time on x together account for 90 % of the gap.")
     elsewhere = replace(report, causes=(causes[0], replace(causes[1], axis="y")))
-    assert "cogging on x and dead time on y" in headline(elsewhere)
+    assert "Cogging on x and dead time on y" in headline(elsewhere)
+
+
+def test_a_check_is_part_of_the_headline():
+    found = GapReport(
+        (), "partly_explained", "", causes=(Cause("x", "cogging", 0.9, {}, None, None),),
+        gap_closed=1.0, gap_closed_elsewhere=0.63,
+    )  # fmt: skip
+    assert headline(found) == (
+        "Cogging on x accounts for 100 % of the gap, on the recordings of --check for 63 %; "
+        "the rest is unexplained."
+    )
+
+
+def test_the_gap_is_one_figure_in_reason_and_page(examined):
+    report = report_without_causes(examined)
+    (floors,) = re.findall(r"gap is (\S+) times the floor", report.reason)
+    page = render_gap_page(report, examined, "m")
+    assert f"{floors} \u00d7 floor" in page
+    assert "A perfect model leaves" in page, "what a figure near 1 says"
 
 
 def test_every_verdict_has_a_headline():
