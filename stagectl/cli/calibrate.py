@@ -17,7 +17,7 @@ from stagectl.cli.options import (
     run_by_options,
     write_json,
 )
-from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
+from stagectl.cli.stage_options import StageCommand, load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
 
-@click.command
+@click.command(cls=StageCommand)
 @click.argument("sites", type=RECIPE)
 @click.option("--due", is_flag=True, help="Only sites that are due by the limits in SITES.")
 @stage_options
@@ -102,7 +102,10 @@ def command(
     before: list[dict[str, Any]] = []
     if resume is not None:
         recipe, resumed, before = _resume(calibration, resume)
-        request = replace(request, resumed=resumed)
+        request = replace(
+            request, resumed=resumed, operator=request.operator or resumed.operator,
+            comment=request.comment or resumed.comment,
+        )  # fmt: skip
     else:
         selected = _select_sites(calibration, request, due, quiet)
         if not selected:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,21 +45,26 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
     done = [f"{e['axis']} {e['effect']}" for e in summary.get("effects", ()) if e["compensated"]]
     if done:
         parts.append(Text(f"compensated effects: {', '.join(done)}"))
-    parts += [Text(notice, style="yellow") for notice in result.notices]
+    parts += [_whole(notice, "yellow") for notice in result.notices]
     files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
     if SPOOL_NAME in files:
         parts.append(
-            Text(
+            _whole(
                 f"the bus log is incomplete (disk full?); its frames are in {SPOOL_NAME}, and "
-                f"'stagectl recover {folder}' turns them into a log",
-                style="yellow",
+                f"'stagectl recover {shlex.quote(str(folder))}' turns them into a log",
+                "yellow",
             )
         )
     parts.append(Text(f"files in {folder}: {', '.join(files)}"))
     command = resume_command(summary)
     if command is not None:
-        parts.append(Text(f"to continue: {command}"))
+        parts.append(_whole(f"to continue: {command}"))
     return _Wide(Group(*parts))
+
+
+def _whole(text: str, style: str = "") -> Text:
+    """A line with a command to copy: only the terminal itself may break it."""
+    return Text(text, style=style, no_wrap=True, overflow="ignore")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from stagectl.cli.options import (
     run_by_options,
     write_json,
 )
-from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
+from stagectl.cli.stage_options import StageCommand, load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
     from stagectl.run import RunRequest
@@ -27,7 +27,7 @@ DEFAULT_BUDGET = 5.0
 """Time for calibration sites in a run, if neither option nor calibration file sets it [s]."""
 
 
-@click.command
+@click.command(cls=StageCommand)
 @click.argument("recipe", type=RECIPE)
 @stage_options
 @click.option(
@@ -191,8 +191,8 @@ def command(
         resumed=resumed,
         history=default_history(history, believed, truth is not None, folder, out is not None),
         use_map=use_map == "active",
-        operator=operator or None,
-        comment=comment or None,
+        operator=operator or (resumed.operator if resumed else None),
+        comment=comment or (resumed.comment if resumed else None),
         observer=observer,
     )
     if calibrate is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,26 @@ if TYPE_CHECKING:
 _PACKAGED = "wafer-xy"
 _SAME_AS_HOST = Path("same as the host")
 """`--simulate` without a value."""
+
+
+class StageCommand(click.Command):
+    """A command on a recipe with `stage_options`, which says where its recipe has gone."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """The arguments; `--simulate recipe.yaml` takes the file as TRUTH and leaves no recipe."""
+        given = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.MissingParameter as missing:
+            after = given[given.index("--simulate") + 1 :] if "--simulate" in given else []
+            if not isinstance(missing.param, click.Argument) or not after or after[0][:1] == "-":
+                raise
+            name = missing.param.make_metavar(ctx)
+            raise click.UsageError(
+                f"no {name}: --simulate has taken {after[0]} as TRUTH; {name} comes before it: "
+                f"'{ctx.command_path} {shlex.quote(after[0])} --simulate'",
+                ctx,
+            ) from missing
 
 
 def stage_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -45,10 +66,11 @@ def load_machines(
         machine: `--machine`.
         simulate: `--simulate`.
         bus: `--bus`.
-        moves: whether the stage is to move; if so, warns that a virtual bus has no drives on it.
+        moves: whether the stage is to move, for which a bus is needed.
 
     Raises:
-        click.UsageError: both `simulate` and `bus` are given.
+        click.UsageError: both `simulate` and `bus` are given, or neither is and the machine file's
+            bus is virtual, which no drive is on.
         ConfigError: a machine file is unusable, or the two do not match.
     """
     if simulate is not None and bus is not None:
@@ -57,8 +79,8 @@ def load_machines(
         )
     believed = _load(machine)
     if simulate is None:
-        if moves and (bus[0] if bus else believed.bus.interface) == "virtual":
-            click.echo("a virtual bus has no drives on it; --simulate adds them", err=True)
+        if moves and bus is None and believed.bus.interface == "virtual":
+            raise click.UsageError("no bus given: use --simulate, or --bus INTERFACE:CHANNEL")
         return believed, None
     truth = believed if simulate == _SAME_AS_HOST else _load(simulate)
     _check_match(believed, truth)

@@ -29,6 +29,7 @@ class Resumed:
         done: completed segments of the recipe (sites, or entries of a list of moves).
         friction: axis -> figures accepted last.
         verdicts: of the completed sites, where the recipe has limits.
+        operator, comment: of it, which the continuation keeps unless it is given others, or None.
     """
 
     run: str
@@ -36,6 +37,8 @@ class Resumed:
     done: int
     friction: Mapping[str, Figures]
     verdicts: tuple[SiteVerdict, ...] = ()
+    operator: str | None = None
+    comment: str | None = None
 
     @classmethod
     def from_note(cls, note: Mapping[str, Any]) -> Resumed:

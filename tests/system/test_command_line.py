@@ -150,6 +150,8 @@ def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, case):
         (["run", RECIPE, "--compensation", "oracle"], "oracle"),
         (["run", RECIPE, "--simulate", "--bus", "virtual:x"], "--bus"),
         (["run", RECIPE, "--bus", "virtual"], "INTERFACE:CHANNEL"),
+        (["run", RECIPE], "no bus given: use --simulate, or --bus"),
+        (["run", "--simulate", RECIPE], "as TRUTH"),
         (["run", RECIPE, "--simulate", "--seed", "-1"], "--seed"),
         (["run", RECIPE, "--simulate", "--friction-scale", "nan"], "--friction-scale"),
         (["gap", "measure", "missing.h5"], "missing.h5"),
@@ -162,6 +164,7 @@ def test_bad_arguments_are_one_line(stagectl, tmp_path, arguments, word):
     assert done.returncode == 2
     assert word in done.stderr
     assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir()), "no folder of a run"
 
 
 def test_truncated_recording(stagectl, tmp_path):

@@ -120,10 +120,14 @@ def test_an_aborted_run_says_where_why_and_how_to_continue(stopped):
 
 
 def test_the_terminal_says_where_an_aborted_run_ended(stopped):
-    console = Console(width=200, record=True, file=io.StringIO())
-    console.print(render_outcome(*stopped))
     seconds = stopped[0].summary["duration"]
-    assert f"aborted at site 3 of 4, after {seconds:.1f} s" in console.export_text()
+    command = stopped[0].summary["interrupted"]["resume"]
+    for width in (200, 80, 40):
+        console = Console(width=width, record=True, file=io.StringIO())
+        console.print(render_outcome(*stopped), crop=False)
+        told = console.export_text()
+        assert f"aborted at site 3 of 4, after {seconds:.1f} s" in " ".join(told.split())
+        assert f"to continue: {command}" in told.splitlines(), "a command is one line"
 
 
 def test_the_command_continues_the_run_and_completes_the_verdict(stopped):
@@ -139,6 +143,8 @@ def test_the_command_continues_the_run_and_completes_the_verdict(stopped):
     assert summary["resumed"] == {
         "run": str(folder), "started": result.summary["started"], "done": 2
     }  # fmt: skip
+    assert (summary["operator"], summary["comment"]) == ("Ada", "first of the lot"), "kept"
+    assert (summary["lot"], summary["wafer"]) == (result.summary["lot"], "W7")
 
 
 def test_options_of_the_run_are_in_the_command_that_continues_it(made):

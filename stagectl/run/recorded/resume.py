@@ -80,7 +80,8 @@ def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
                 event["parameters"], float(event.get("local", 1.0))
             )
     done.append(0 if before is None else before.done)
-    return Resumed(str(folder), notes.started, max(done), friction)
+    who, why = run.get("operator"), run.get("comment")
+    return Resumed(str(folder), notes.started, max(done), friction, operator=who, comment=why)
 
 
 def _figures(parameters: Mapping[str, Sequence[float]], local: float) -> Figures:

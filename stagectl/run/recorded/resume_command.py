@@ -16,7 +16,7 @@ from stagectl.sequencer import Mode
 def resume_command(run: Mapping[str, Any], machine: Machine, folder: str) -> str:
     """The command line.
 
-    Injected faults, operator and comment are not repeated.
+    Injected faults are not repeated; operator and comment need not be: the continuation keeps them.
 
     Args:
         run: event `run` of the recording.
@@ -43,6 +43,8 @@ def resume_command(run: Mapping[str, Any], machine: Machine, folder: str) -> str
         words += ["--retries", str(run["retries"])]
     if not run.get("use_map", True):
         words += ["--map", "none"]
+    if not run.get("observer", True) and not run["calibration"]:  # which never has one
+        words.append("--no-observer")
     where = run["history"]["where"]
     if where != _usual_history(machine, simulated):
         words += ["--history", where or "none"]

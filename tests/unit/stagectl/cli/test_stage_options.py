@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
-from stagectl.cli.stage_options import load_machines, stage_options
+from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 from stagectl.config import load_machine
 
 
@@ -20,7 +20,7 @@ def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
     def command(machine, simulate, bus, seed):
         seen.append(load_machines(machine, simulate, bus))
 
-    for arguments in (["--simulate"], ["--simulate", "wafer-xy"], []):
+    for arguments in (["--simulate"], ["--simulate", "wafer-xy"], ["--bus", "socketcan:can0"]):
         done = CliRunner().invoke(command, ["--machine", str(own), *arguments])
         assert done.exit_code == 0, done.output
     (host, its_own), (_, packaged), (_, real) = seen
@@ -28,3 +28,19 @@ def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
     assert host.axes["x"].encoder.increment == 5e-9
     assert packaged.axes["x"].encoder.increment == 1e-9
     assert real is None
+
+
+def test_a_recipe_that_simulate_has_swallowed_is_named():
+    @click.command("run", cls=StageCommand)
+    @click.argument("recipe")
+    @stage_options
+    def command(**_):
+        pass
+
+    said = CliRunner().invoke(command, ["--simulate", "my recipe.yaml", "--seed", "2"])
+    assert said.exit_code == 2
+    assert "no RECIPE: --simulate has taken my recipe.yaml as TRUTH" in said.output
+    assert "'run 'my recipe.yaml' --simulate'" in said.output
+    for plain in (["--simulate"], ["--simulate", "--seed", "2"], []):
+        assert "Missing argument 'RECIPE'" in CliRunner().invoke(command, plain).output
+    assert CliRunner().invoke(command, ["r.yaml", "--simulate", "x.yaml"]).exit_code == 0

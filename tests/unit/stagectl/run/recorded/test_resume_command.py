@@ -44,6 +44,7 @@ def test_a_plain_run_needs_its_recipe_and_its_folder() -> None:
         ({"friction_scale": 0.5}, "--friction-scale 0.5"),
         ({"retries": 2}, "--retries 2"),
         ({"use_map": False}, "--map none"),
+        ({"observer": False}, "--no-observer"),
         ({"history": {"where": "h.db"}}, "--history h.db"),
         ({"history": {"where": None}}, "--history none"),
     ],
@@ -53,7 +54,8 @@ def test_what_was_asked_for_is_asked_for_again(changes: dict[str, Any], words: s
 
 
 def test_a_calibration_is_continued_as_one() -> None:
-    assert command(calibration=True).startswith("stagectl calibrate r.yaml ")
+    said = command(calibration=True, observer=False)
+    assert said == "stagectl calibrate r.yaml --simulate --resume runs/a"
 
 
 def test_a_real_run_names_its_bus_and_no_seed() -> None:
