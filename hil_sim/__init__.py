@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hil_sim.effects import AppliedEffect, Effect, Parameter
     from hil_sim.plant import Plant, Response, simulate
     from hil_sim.ports import BlockPlantPort, CanSegment, PlantPort, SetpointBlock
+    from hil_sim.quirks import Quirks
     from hil_sim.settings import (
         AxisSettings,
         CascadeSettings,
@@ -42,6 +43,7 @@ __all__ = [
     "Parameter",
     "Plant",
     "PlantPort",
+    "Quirks",
     "Response",
     "SetpointBlock",
     "StageSettings",
@@ -54,6 +56,7 @@ __all__ = [
 _HOMES = {
     **dict.fromkeys(("CSP_DCF_PATH", "EDS_PATH"), "cia301"),
     "Drive": "drive",
+    "Quirks": "quirks",
     "VirtualStage": "stage",
     **dict.fromkeys(("AppliedEffect", "Effect", "Parameter"), "effects"),
     **dict.fromkeys(("BlockPlantPort", "CanSegment", "PlantPort", "SetpointBlock"), "ports"),

@@ -27,6 +27,7 @@ from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, PlantPort
+from hil_sim.quirks import OddPosition
 from hil_sim.settings import StageSettings
 
 _COMMUNICATING = (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
@@ -50,6 +51,8 @@ class Drive:
         self.node_id = settings.node
         self.dictionary = Dictionary(self.node_id, o.axis_parameters(settings))
         self.motor = Motor(plant, axis, stage)
+        self._odd = None if settings.quirks is None else OddPosition(settings.quirks)
+        self._sampled: int | None = None  # at the SYNC being handled, if odd
         self.nmt = NmtSlave(
             self.node_id, self.dictionary, segment, self._on_nmt, self._on_reset, self._on_heartbeat
         )
@@ -108,7 +111,7 @@ class Drive:
 
     def _connect_objects(self) -> None:
         live, motor = self.dictionary.live, self.motor
-        live[o.POSITION_ACTUAL] = motor.position
+        live[o.POSITION_ACTUAL] = motor.position if self._odd is None else self._odd_position
         live[o.TORQUE_ACTUAL] = motor.force
         live[o.VELOCITY_ACTUAL] = motor.velocity
         live[o.TORQUE_DEMAND] = motor.force
@@ -120,6 +123,10 @@ class Drive:
         self.dictionary.check[o.SYNC_OVERFLOW] = self._check_overflow
         self.dictionary.on_write[o.SYNC_OVERFLOW] = self._on_overflow
         self.dictionary.on_write[o.SYNC_COB_ID] = lambda _: self._subscribe(self.nmt.state)
+
+    def _odd_position(self) -> int:
+        motor, sampled = self.motor, self._sampled
+        return motor.position() if sampled is None else motor.to_position(sampled)
 
     def _check_sync(self, value: int) -> None:
         # bit 30: the drive produces no SYNC; bit 31 has no meaning
@@ -185,7 +192,12 @@ class Drive:
                 self.emergency.announce(SYNC_LENGTH)
             return
         self._advance_to(self._segment.now_ns)
-        self.pdo.on_sync()
+        if self._odd is None:
+            self.pdo.on_sync()
+        else:
+            self._sampled = self._odd.sample(self.motor.counter(), self._segment.now_ns)
+            self.pdo.on_sync()
+            self._sampled = None
         motion = self.motion
         if motion.following:
             motion.on_sync()

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
+from hil_sim.quirks import Quirks
 from stagedata import FrictionFigures
 
 SUBSTEPS = 5
@@ -117,6 +118,8 @@ class AxisSettings:
         effects: physical effects beyond the plain model.
         unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
             m/s^2]; jerk is in acceleration units per second.
+        quirks: of the drive, on the bus; None: none.
+        encoder_on_load: it is on the part that the first effect `resonance` hangs on.
         rotary: it turns: rad for m, N m for N and kg m^2 for kg.
     """
 
@@ -138,6 +141,8 @@ class AxisSettings:
     unit: float = 1e-9
     velocity_unit: float = 1e-9
     acceleration_unit: float = 1e-6
+    quirks: Quirks | None = None
+    encoder_on_load: bool = False
     rotary: bool = False
 
     def __post_init__(self) -> None:

@@ -59,6 +59,12 @@ DEFAULTS: dict[str, Any] = {
         "position_unit": 1e-9,
         "boot_timeout": 2.0,
         "enable_timeout": 2.0,
+        "quirks": {
+            "offset_delay": 0,
+            "offset_step": 0.0,
+            "position_delay": 0,
+            "position_filter": 0.0,
+        },
     },
 }
 """Numbers that a file may leave out."""

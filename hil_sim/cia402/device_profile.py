@@ -126,7 +126,7 @@ class MotionControl:
         """Bounds within which SYNCs in csp change the demand and nothing else.
 
         None where a SYNC may have other effects: outside csp, after a change of state or of the
-        mode's bits, beyond an end switch.
+        mode's bits, beyond an end switch, and where the drive is odd on the bus.
         """
         mode, quiet = self._modes.current, self._supervision.unsuspicious
         if (
@@ -136,6 +136,7 @@ class MotionControl:
             or mode.bits != MODE_BIT_12
             or self.state is not self._word_state
             or not self._motor.is_streaming
+            or self._motor.settings.quirks is not None
         ):
             return None
         return Steady(self._word, *mode.limits, mode.ticks, *quiet)

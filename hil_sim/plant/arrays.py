@@ -71,6 +71,7 @@ def _plant_record(axis: AxisSettings) -> dict[str, float]:
         "elements": friction.elements,
         "increment": axis.increment,
         "noise": axis.noise,
+        "on_load": axis.encoder_on_load,
         "wander": axis.wander * math.sqrt(1.0 - keep**2),
         "wander_keep": keep,
     }

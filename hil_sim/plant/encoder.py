@@ -22,6 +22,8 @@ def read_encoder(plant, state, period, normal):  # type: ignore[no-untyped-def]
     place = state.position
     if plant.misreading >= 0:
         place += state.misread + state.misread_slope * (place - state.place)
+    if plant.on_load:
+        place += state.deflection
     reading = round((place + plant.noise * normal) / plant.increment) * plant.increment
     state.speed += (
         period / (_VELOCITY_TIME + period) * ((reading - state.encoder) / period - state.speed)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.ports import PlantPort
+from hil_sim.quirks import OddOffset
 from hil_sim.settings import AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
@@ -51,6 +52,8 @@ class Motor:
         self.open = False
         self._clock_started = False
         self._ready = False  # the clock runs, and the loop is closed
+        quirks = self.settings.quirks
+        self._odd = None if quirks is None else OddOffset(quirks)
 
     def counter(self) -> int:
         """True encoder counter [increments], 0 at the index mark."""
@@ -58,7 +61,11 @@ class Motor:
 
     def position(self) -> int:
         """Position actual value [units], INTEGER32."""
-        counts, whole = self._plant.encoder(self._axis) - self.origin, self._whole
+        return self.to_position(self._plant.encoder(self._axis))
+
+    def to_position(self, counter: int) -> int:
+        """Position actual value [units] of a true encoder counter, INTEGER32."""
+        counts, whole = counter - self.origin, self._whole
         value = counts * whole if whole else round(counts * self._scale)
         return value if -0x80000000 <= value <= 0x7FFFFFFF else _int32(value)
 
@@ -92,6 +99,8 @@ class Motor:
     def power(self, on: bool) -> None:
         """Close the loop at the present position, or take the force off."""
         self._plant.power(self._axis, on)
+        if self._odd is not None:
+            self._odd.clear()
         self.open = False
         self._ready = self._clock_started
 
@@ -101,7 +110,8 @@ class Motor:
             self._begin_streaming()
         whole = self._whole
         true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
-        self._plant.command(self._axis, true, permille * self._permille, ticks)
+        acting = permille if self._odd is None else self._odd.take(permille)
+        self._plant.command(self._axis, true, acting * self._permille, ticks)
 
     # -- Of several SYNCs at once, as the methods for one ----------------------------------------
 

@@ -252,6 +252,7 @@ def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
             pull = arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
             arena[at + 4] -= dt * (pull / arena[at + 2] + acceleration)
             arena[at + 3] += dt * arena[at + 4]
+        s.deflection = arena[p.hanging + 3]
     for i in range(p.base_count):
         at = p.bases + 5 * i
         pull = arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]

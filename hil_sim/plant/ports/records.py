@@ -16,6 +16,7 @@ F64 = NDArray[np.float64]
 
 PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
+    ("on_load", "?"),  # the encoder is on the part that hangs from the carriage
     ("coupled", "?"),  # the axes are solved jointly
     ("gain", "f8"),
     ("saturation", "f8"),
@@ -81,6 +82,7 @@ PORT_STATE_FIELDS = [
     ("push_rate", "f8"),
     ("misread", "f8"),  # error of the encoder reading [m]
     ("misread_slope", "f8"),
+    ("deflection", "f8"),  # of that part [m]
     ("net", "f8"),  # force on the carriage without coupling and springs [N]
     ("sprung", "f8"),  # force of the oscillators on it [N]
     ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]

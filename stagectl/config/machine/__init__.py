@@ -4,7 +4,7 @@
 to find; `twin` adds what one has found.
 """
 
-from stagectl.config.machine.drive import Cascade, Drive
+from stagectl.config.machine.drive import Cascade, Drive, Quirks
 from stagectl.config.machine.effect import Effect
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.machine.model import (
@@ -27,6 +27,7 @@ __all__ = [
     "LengthPair",
     "Machine",
     "Name",
+    "Quirks",
     "load_machine",
     "parse_machine",
     "render_twin",

@@ -61,6 +61,22 @@ class OptionCodes(Section):
     abort_connection: Literal[1, 2, 3] = 3
 
 
+class Quirks(Section):
+    """What a simulated drive does on the bus that its papers do not say (`hil_sim.quirks`).
+
+    Attributes:
+        offset_delay: SYNCs by which 0x60B2 acts too late.  offset_sign: -1: the other way.
+        offset_step: steps in which it acts, over the rated force.
+        position_delay: SYNCs by which 0x6064 is too old.  position_filter: low-pass on it [s].
+    """
+
+    offset_delay: Annotated[StrictInt, Field(ge=0, le=100)] = 0
+    offset_sign: Literal[1, -1] = 1
+    offset_step: Annotated[NotNegativeNumber, Field(le=1)] = 0.0
+    position_delay: Annotated[StrictInt, Field(ge=0, le=100)] = 0
+    position_filter: Annotated[NotNegativeTime, Field(le=1)] = 0.0
+
+
 class Drive(Section):
     """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive.
 
@@ -73,6 +89,7 @@ class Drive(Section):
         revision: required major revision number; None: that of the EDS.
         pid: the position loop; None if there is a cascade.
         cascade: the loops instead of a PID.
+        quirks: of a simulated drive; the host does not look at them.
     """
 
     rated_force: PositiveForce
@@ -89,6 +106,7 @@ class Drive(Section):
     revision: Annotated[StrictInt, Field(ge=0, le=65_535)] | None = None
     pid: Pid | None = None
     cascade: Cascade | None = None
+    quirks: Quirks | None = None
 
     @property
     def force_unit(self) -> float:

@@ -113,10 +113,15 @@ class Limits(Section):
 
 
 class Encoder(Section):
-    """Increment and rms noise of the encoder [m]."""
+    """Increment and rms noise of the encoder [m].
+
+    Attributes:
+        on_load: simulated on the part that the effect `resonance` hangs from the carriage.
+    """
 
     increment: PositiveLength
     noise: NotNegativeLength
+    on_load: StrictBool = False
 
 
 class Homing(Section):

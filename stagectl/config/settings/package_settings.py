@@ -14,6 +14,7 @@ from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
     import drivers.settings
+    import hil_sim.quirks
     import hil_sim.settings
 
 
@@ -53,6 +54,8 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 unit=drive.position_unit,
                 velocity_unit=drive.velocity_unit or drive.position_unit,
                 acceleration_unit=drive.acceleration_unit,
+                quirks=_quirks(drive),
+                encoder_on_load=axis.encoder.on_load,
             )
         )
     if any(axis.effects for axis in machine.axes.values()):
@@ -84,6 +87,15 @@ def _check_steps(machine: Machine, substeps: int) -> None:
                 problems.append(machine.document.problem(place, reason))
     if problems:
         raise ConfigError(problems)
+
+
+def _quirks(drive: Drive) -> hil_sim.quirks.Quirks | None:
+    from hil_sim.quirks import Quirks
+
+    if drive.quirks is None:
+        return None
+    own = drive.quirks.model_dump()
+    return Quirks(**{**own, "offset_step": 1000.0 * own["offset_step"]})
 
 
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_sim import Quirks
 from stagectl.config import driver_settings, load_machine, parse_machine, stage_settings
 from stagectl.errors import ConfigError
 from tests.simple_law import simple_law_text
@@ -34,6 +35,20 @@ def test_stage_settings_hold_the_figures_exactly() -> None:
         assert (settings.node, settings.mass) == (axis.node, axis.plant.mass)
         assert (settings.increment, settings.noise) == (axis.encoder.increment, axis.encoder.noise)
         assert settings.travel == axis.travel
+
+
+def test_quirks_and_the_encoders_place_reach_the_simulated_drive_alone() -> None:
+    odd = "{offset_delay: 3, offset_sign: -1, offset_step: 0.01, position_delay: 1}"
+    text = load_machine().text.replace(
+        "rated_force: 40.0", f"rated_force: 40.0\n      quirks: {odd}"
+    )
+    text = text.replace("noise: 1.0e-9}", "noise: 1.0e-9, on_load: true}", 1)
+    machine = parse_machine(text, "m.yaml")
+    x, y = stage_settings(machine).axes
+    assert x.quirks == Quirks(3, -1, 10.0, 1)
+    assert x.encoder_on_load
+    assert y.quirks is None
+    assert driver_settings(machine) == driver_settings(load_machine())
 
 
 def test_driver_settings_hold_bus_limits_and_homing() -> None:
