@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options, interruptible
+from stagectl.cli.bus_access import Bench, bench_options
 from stagectl.cli.options import NumberRange
+from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings

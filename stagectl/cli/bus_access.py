@@ -6,7 +6,6 @@ whose drives have just been switched on.
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -139,37 +138,3 @@ class Bench:
 
         with self.on_bus() as settings, Stage.open(settings, self.axes) as stage:
             yield stage
-
-
-@contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into an orderly end, and ignore further ones while drives are stopped.
-
-    Yields:
-        A function that returns whether Ctrl-C was pressed. From its first call on, Ctrl-C only
-        sets that flag; before, it interrupts what is under way.
-    """
-    pressed = polled = False
-
-    def stopped() -> bool:
-        nonlocal polled
-        polled = True
-        return pressed
-
-    def handler(number: int, _: Any) -> None:
-        nonlocal pressed
-        if pressed:
-            return
-        pressed = True
-        if not polled:
-            raise KeyboardInterrupt
-
-    before = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stopped
-    except KeyboardInterrupt:
-        raise click.exceptions.Abort from None
-    finally:
-        if not pressed:
-            for number, former in before.items():
-                signal.signal(number, former)

@@ -17,7 +17,8 @@ from stagectl.cli.options import (
     run_by_options,
     write_json,
 )
-from stagectl.cli.stage_options import StageCommand, load_machines, stage_options, stop_on_signal
+from stagectl.cli.signals import stop_on_signal
+from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options, interruptible
+from stagectl.cli.bus_access import Bench, bench_options
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
     from drivers.bench.conformance import Finding

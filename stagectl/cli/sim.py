@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from contextlib import suppress
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.options import FILE, BusType
+from stagectl.cli.signals import on_stop
 
 if TYPE_CHECKING:
     import can
@@ -70,8 +70,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     def handler(number: int, frame: Any) -> None:
         stop.set()
 
-    signal.signal(signal.SIGINT, handler)
-    signal.signal(signal.SIGTERM, handler)
+    on_stop(handler)
     warm_up(settings)
     virtual = VirtualStage(settings, seed)
     nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())

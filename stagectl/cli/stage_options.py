@@ -1,12 +1,11 @@
-"""Options, machine files and stop signals of the commands that move a stage or a simulation."""
+"""Options and machine files of the commands that move a stage or a simulation."""
 
 from __future__ import annotations
 
 import shlex
-import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -85,21 +84,6 @@ def load_machines(
     truth = believed if simulate == _SAME_AS_HOST else _load(simulate)
     _check_match(believed, truth)
     return believed, truth
-
-
-def stop_on_signal(stop: Callable[[str], None]) -> None:
-    """From now on, Ctrl-C, SIGTERM and a lost terminal request a controlled stop.
-
-    A hang-up that was ignored at the start, as under nohup, stays ignored.
-    """
-
-    def handler(number: int, _: Any) -> None:
-        name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-        stop(f"stopped by the operator ({name})")
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, handler)
 
 
 def _load(path: Path | None) -> Machine:

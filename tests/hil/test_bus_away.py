@@ -18,6 +18,8 @@ from pathlib import Path
 import can
 import pytest
 
+from tests.signals import listening
+
 INTERFACE = "stagevcan"
 DEADLINE = 30.0
 """Ends a wait that would never end [s]; no statement on speed."""
@@ -102,7 +104,7 @@ def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus: str)
     with subprocess.Popen(
         [sys.executable, "-m", "stagectl", "sim", "--bus", bus],
         env=os.environ | {"PYTHONPATH": path}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=listening,
     ) as drives:  # fmt: skip
         try:
             assert drives.stdout is not None

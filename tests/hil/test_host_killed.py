@@ -122,7 +122,7 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
     def start(*arguments: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
             [*stagectl, *arguments, *common], cwd=tmp_path, env=environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=listening,
         )  # fmt: skip
 
     with start("sim") as drives, can.Bus(interface=interface, channel=channel) as listening:

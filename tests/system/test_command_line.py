@@ -17,6 +17,7 @@ from stagectl.config import load_machine
 from stagectl.store import read_recording
 from tests.multicast import require_multicast
 from tests.short_recipe import short_recipe
+from tests.signals import listening
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
@@ -248,7 +249,7 @@ def start_long(folder: Path) -> subprocess.Popen[str]:
     process = subprocess.Popen(
         [sys.executable, "-m", "stagectl", "run", "long.yaml", "--simulate", "--out", "out"],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
     )  # fmt: skip
     journal = folder / "out" / "recording.journal"
     deadline = time.monotonic() + 400
@@ -323,7 +324,7 @@ def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path, monke
             "--bus", f"udp_multicast:{group}",
         ],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
     )  # fmt: skip
     try:
         assert server.stdout is not None
@@ -372,7 +373,7 @@ def test_ctrl_c_before_anything_moves(tmp_path):
             "--bus", f"virtual:nobody-{os.getpid()}", "--out", tmp_path / "out",
         ],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
     )  # fmt: skip
     deadline = time.monotonic() + 400
     while not (tmp_path / "out" / "bus.frames").exists() and time.monotonic() < deadline:

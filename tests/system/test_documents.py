@@ -23,6 +23,7 @@ from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute, list_runs
 from stagectl.sequencer import Mode, SegmentDone
 from tests.short_recipe import short_recipe
+from tests.signals import as_in_a_terminal
 
 PLACES = ((0.01, 0.0), (0.02, 0.01), (0.01, 0.02), (0.0, 0.01))
 TIGHT = short_recipe(*PLACES) + "lot: L42\nwafer: W7\nlimits: {peak_error: 1 nm}\n"
@@ -58,12 +59,8 @@ def stopped(made):
 
 
 def stagectl(*arguments):
-    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
+    with as_in_a_terminal():
         return CliRunner().invoke(cli, list(map(str, arguments)))
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
 
 
 def headline(folder):

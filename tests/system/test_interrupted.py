@@ -9,12 +9,10 @@ import sys
 import pytest
 
 from tests.short_recipe import short_recipe
+from tests.signals import listening
 
 HEAD = """
 import atexit, os, runpy, signal, sys
-
-# A suite started with `&` by a script hands down a SIGINT that is ignored.
-signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def interrupt(*_):
     os.kill(os.getpid(), signal.SIGINT)
@@ -41,7 +39,7 @@ runpy.run_module("stagectl", run_name="__main__", alter_sys=True)
 def interrupted(moment: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, "-c", HEAD + moment + TAIL, *arguments],
-        capture_output=True, text=True, check=False, timeout=100,
+        capture_output=True, text=True, check=False, timeout=100, preexec_fn=listening,
     )  # fmt: skip
 
 
@@ -84,7 +82,7 @@ def test_a_run_is_stopped_by_the_operator_while_it_reads_what_others_parse(tmp_p
     moment = """
 def opened(event, args):
     handler = getattr(signal.getsignal(signal.SIGINT), "__module__", "")
-    ours = handler == "stagectl.cli.stage_options"
+    ours = handler == "stagectl.cli.signals"
     if event == "open" and str(args[0]).endswith(".eds") and ours:
         interrupt()
 

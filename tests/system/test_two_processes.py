@@ -19,6 +19,7 @@ import yaml
 from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording
 from tests.short_recipe import short_recipe
+from tests.signals import listening
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 ELSEWHERE = pytest.mark.skipif(not INTERFACE, reason="run by test_vcan.py on a bus of its own")
@@ -53,7 +54,7 @@ def bus(request: pytest.FixtureRequest, machine: Path) -> Iterator[str]:
         "--bus",
         request.param,
     ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sim:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=listening) as sim:
         assert sim.stdout is not None
         assert "node 1" in sim.stdout.readline()
         yield request.param

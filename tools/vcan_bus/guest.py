@@ -381,7 +381,8 @@ def run(command: Sequence[str], time_limit: float | None, memory: int) -> int:
             guest.end(signal.Signals(number), 128 + number)
 
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, on_signal)
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup does
+                signal.signal(number, on_signal)
         guest.wait(deadline)
         for stream in guest.streams:
             stream.finish()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
-from signal import SIGINT, default_int_handler, pthread_kill, signal
+from signal import SIGINT, pthread_kill
 
 import pytest
 
@@ -14,6 +13,7 @@ from sim2real.blind.trial import build_twin
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
 from sim2real.gap import compare_with_model, gap_closed
 from stagedata import Recording
+from tests.signals import as_in_a_terminal
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
@@ -105,15 +105,6 @@ def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings
     assert any(0.0 < share < 0.1 for share in told["effects"]), "while the effects are scanned"
 
 
-@pytest.fixture
-def heard() -> Iterator[None]:
-    """Ctrl-C is heard, also where these tests were started in the background, which ignores it."""
-    before = signal(SIGINT, default_int_handler)
-    yield
-    signal(SIGINT, before)
-
-
-@pytest.mark.usefixtures("heard")
 def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> None:
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
     examined = examine([recording], nominal[1])
@@ -125,7 +116,7 @@ def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> N
         if steps and not any(done[:-1]):
             pthread_kill(threading.main_thread().ident or 0, SIGINT)
 
-    with pytest.raises(KeyboardInterrupt):
+    with as_in_a_terminal(), pytest.raises(KeyboardInterrupt):
         diagnose(examined, TOLERANCE, known, progress=interrupt)
     assert 0 < max(done) <= 40, "no axis went on to fit what it had scanned"
 

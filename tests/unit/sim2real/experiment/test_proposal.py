@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from signal import SIGINT, default_int_handler, signal
 
 import numpy as np
-import pytest
 import yaml
 
 from hil_sim.effects.library import library
@@ -18,14 +15,6 @@ from sim2real.gap import compare_with_model
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagedata import Recording
-
-
-@pytest.fixture
-def heard() -> Iterator[None]:
-    """Ctrl-C is heard, also where these tests were started in the background, which ignores it."""
-    before = signal(SIGINT, default_int_handler)
-    yield
-    signal(SIGINT, before)
 
 
 def test_moves_that_would_tell_two_models_apart_are_a_recipe(

@@ -1,12 +1,11 @@
 """`stagectl run`, in this process."""
 
 import json
-import signal
 
 from click.testing import CliRunner
 
 from stagectl.cli import cli
-from stagectl.cli.stage_options import stop_on_signal
+from tests.signals import as_in_a_terminal
 from tests.unit.stagectl.run.whole import SITES, failing_at
 
 
@@ -17,12 +16,8 @@ def test_an_interrupted_run_is_continued(go, sites, tmp_path):
 
     def run(*options):
         arguments = ["run", str(tmp_path / "r.yaml"), "--simulate", *options]
-        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-        try:
+        with as_in_a_terminal():
             return CliRunner().invoke(cli, arguments)
-        finally:
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
 
     folder, other = str(tmp_path / "a"), str(tmp_path / "b")
     clash = run("--resume", folder, "--out", folder)
@@ -37,18 +32,3 @@ def test_an_interrupted_run_is_continued(go, sites, tmp_path):
     rest = run("--resume", folder, "--out", other, "--retries", "1")
     assert rest.exit_code == 0, rest.output
     assert "after the first 2 sites" in rest.output
-
-
-def test_a_hang_up_that_is_ignored_at_the_start_does_not_stop_a_run():
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    handlers = {n: signal.getsignal(n) for n in numbers}
-    stops = []
-    try:
-        for at_start in (signal.SIG_DFL, signal.SIG_IGN):
-            signal.signal(signal.SIGHUP, at_start)
-            stop_on_signal(stops.append)
-            signal.raise_signal(signal.SIGHUP)
-            assert stops == ["stopped by the operator (SIGHUP)"]
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)

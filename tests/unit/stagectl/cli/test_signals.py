@@ -1,4 +1,4 @@
-"""Ctrl-C during bench commands: the first stops the drives, further ones are ignored."""
+"""Signals that ask to stop: the first stops, further ones and ignored ones do nothing."""
 
 import os
 import signal
@@ -6,15 +6,14 @@ import signal
 import click
 import pytest
 
-from stagectl.cli.bus_access import interruptible
+from stagectl.cli.signals import interruptible, on_stop, stop_on_signal
+from tests.signals import STOPS, as_in_a_terminal
 
 
 @pytest.fixture(autouse=True)
 def handlers():
-    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
+    with as_in_a_terminal():
+        yield
 
 
 def stop_twice(number: int) -> None:
@@ -26,7 +25,7 @@ def stop_twice(number: int) -> None:
             os.kill(os.getpid(), number)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", STOPS)
 def test_a_second_ctrl_c_does_not_interrupt_the_stop(number):
     with pytest.raises(click.exceptions.Abort) as ended:
         stop_twice(number)
@@ -47,3 +46,26 @@ def test_ctrl_c_only_sets_the_flag_once_it_is_polled():
         assert not stopped()
         os.kill(os.getpid(), signal.SIGINT)
         assert stopped()
+
+
+@pytest.mark.parametrize("number", STOPS)
+def test_a_signal_that_is_ignored_at_the_start_stays_ignored(number):
+    signal.signal(number, signal.SIG_IGN)
+    stops = []
+    stop_on_signal(stops.append)
+    signal.raise_signal(number)
+    assert stops == []
+    with interruptible() as stopped:
+        signal.raise_signal(number)
+        assert not stopped()
+    assert number not in on_stop(lambda *_: None)
+    assert signal.getsignal(number) is signal.SIG_IGN
+
+
+@pytest.mark.parametrize("number", STOPS)
+def test_a_signal_that_is_heard_is_named(number):
+    stops = []
+    stop_on_signal(stops.append)
+    signal.raise_signal(number)
+    name = "Ctrl-C" if number is signal.SIGINT else number.name
+    assert stops == [f"stopped by the operator ({name})"]
