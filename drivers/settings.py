@@ -169,8 +169,8 @@ class AxisSettings:
         rated_force: base of the CiA 402 force values [N].  peak_force: force limit [N].
         increment: length of one position unit on the bus [m].
         encoder: length of one encoder increment [m]; 0: it is the position unit.
-        velocity_unit: of velocities on the bus [m/s]; 0: one position unit per second.
-        acceleration_unit: of accelerations on the bus [m/s^2].
+        velocity_unit: of velocities on the bus [m/s]; 0: not known, the drive has to say it.
+        acceleration_unit: of accelerations on the bus [m/s^2]; 0: as for velocities.
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: window [m]; the drive faults outside it for following_error_time [s].
@@ -182,6 +182,7 @@ class AxisSettings:
         boot_timeout: until the boot-up message after a communication reset [s].
         enable_timeout: until OPERATION ENABLED, phase finding included [s].
         revision: required major revision number (0x1018:03); None: that of the EDS.
+        rotary: it turns: rad for m and N m for N in all of these.
     """
 
     name: str
@@ -197,7 +198,7 @@ class AxisSettings:
     increment: float = 1e-9
     encoder: float = 0.0
     velocity_unit: float = 0.0
-    acceleration_unit: float = 1e-6
+    acceleration_unit: float = 0.0
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
     following_error_time: float = 0.01
@@ -208,6 +209,7 @@ class AxisSettings:
     boot_timeout: float = 2.0
     enable_timeout: float = 2.0
     revision: int | None = None
+    rotary: bool = False
 
     def __post_init__(self) -> None:
         axis = self.name
@@ -215,7 +217,7 @@ class AxisSettings:
         _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {shown(self.node)}")
         for name in (
             "rated_force", "peak_force", "velocity", "acceleration", "jerk",
-            "following_error", "increment", "acceleration_unit", "boot_timeout", "enable_timeout",
+            "following_error", "increment", "boot_timeout", "enable_timeout",
         ):  # fmt: skip
             value = getattr(self, name)
             _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {shown(value)}")
@@ -229,7 +231,7 @@ class AxisSettings:
                 _finite(value) and 0 <= value <= 65.535, axis, name,
                 f"must be 0 to 65.535 s, is {shown(value)}",
             )  # fmt: skip
-        for name in ("encoder", "velocity_unit", "position_window"):
+        for name in ("encoder", "velocity_unit", "acceleration_unit", "position_window"):
             value = getattr(self, name)
             _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {shown(value)}")
         low, high = self.travel
@@ -257,5 +259,10 @@ class AxisSettings:
 
     @property
     def velocity_unit_si(self) -> float:
-        """Unit of velocities on the bus [m/s]."""
+        """Unit of velocities on the bus [m/s]; by default one position unit per second."""
         return self.velocity_unit or self.increment
+
+    @property
+    def acceleration_unit_si(self) -> float:
+        """Unit of accelerations on the bus [m/s^2]; by default 1 um/s^2."""
+        return self.acceleration_unit or 1e-6

@@ -439,6 +439,8 @@ class Stage:
 
         Raises:
             LimitError: outside the axis' limits; nothing was sent.
+            ConfigurationError: the drive does not offer pp, or lacks an object of its profile;
+                nothing was changed.
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
         self._pp.move_to(axis, position, velocity, acceleration, relative)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from drivers import objects as od
 from drivers.canopen import error_text, register_text
-from drivers.drive import Axis, State, Status, decode
+from drivers.drive import Axis, State, Status, decode, unit
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 
@@ -138,7 +138,7 @@ def status_of(axis: Axis) -> AxisStatus:
     position, force = optional(od.POSITION_ACTUAL), optional(od.FORCE_ACTUAL)
     code, speed = optional(od.ERROR_CODE), optional(od.VELOCITY_ACTUAL)
     signals = Signals(
-        None if speed is None else speed * axis.settings.velocity_unit_si,
+        None if speed is None else speed * unit(axis.settings, od.VELOCITY_ACTUAL),
         optional(od.DIGITAL_INPUTS),
         optional(od.DIGITAL_OUTPUTS),
     )

@@ -12,7 +12,7 @@ from struct import Struct
 from typing import Protocol
 
 from drivers.errors import ConfigurationError
-from drivers.objects import ObjectRef
+from drivers.objects import ObjectRef, Quantity
 
 INVALID = 1 << 31
 """COB-ID bit 31: the PDO is not valid."""
@@ -123,7 +123,7 @@ class PdoRecord:
 
     def cob_id(self) -> ObjectRef:
         """The object with COB-ID and the bits "not valid" (31) and "no RTR" (30)."""
-        return ObjectRef(self.communication, 1, f"COB-ID of {self.label}")
+        return ObjectRef(self.communication, 1, f"COB-ID of {self.label}", Quantity.CODE)
 
     def disable(self, node: ObjectAccess) -> None:
         """Makes the PDO invalid, where the node has it."""
@@ -143,8 +143,9 @@ class PdoRecord:
             ConfigurationError: the node holds a value other than the one written.
             NodeError: the node refuses or does not answer.
         """
-        cob, kind = self.cob_id(), ObjectRef(self.communication, 2, f"{self.label} transmission")
-        count = ObjectRef(self.mapping, 0, f"{self.label} number of mapped objects")
+        cob, code = self.cob_id(), Quantity.CODE
+        kind = ObjectRef(self.communication, 2, f"{self.label} transmission", code)
+        count = ObjectRef(self.mapping, 0, f"{self.label} number of mapped objects", code)
         current = node.read(cob)
         # bit 30 (no RTR) stays as it is: some drives abort a change
         base = cob_id | (current & NO_RTR)
@@ -152,7 +153,8 @@ class PdoRecord:
         node.write(count, 0)
         expected: list[tuple[ObjectRef, int]] = []
         for sub, entry in enumerate(mapping.entries, start=1):
-            ref = ObjectRef(self.mapping, sub, f"{self.label} mapping of {entry.object}")
+            name = f"{self.label} mapping of {entry.object}"
+            ref = ObjectRef(self.mapping, sub, name, code)
             node.write(ref, entry.entry)
             expected.append((ref, entry.entry))
         node.write(count, len(mapping.entries))

@@ -19,7 +19,7 @@ from drivers.drive.cia402 import (
     next_command,
     next_controlword,
 )
-from drivers.drive.units import Scale
+from drivers.drive.scaling import Scale, counts, dimension, unit
 
 __all__ = [
     "ENABLED_MASK",
@@ -32,7 +32,10 @@ __all__ = [
     "Scale",
     "State",
     "Status",
+    "counts",
     "decode",
+    "dimension",
     "next_command",
     "next_controlword",
+    "unit",
 ]

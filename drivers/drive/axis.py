@@ -13,7 +13,8 @@ from drivers.canopen import MappedObject, Network, Node, PdoMapping, PdoRecord
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import Mode
 from drivers.drive.host_loss import watch_host
-from drivers.drive.units import Scale, check_units
+from drivers.drive.scaling import counts, scale
+from drivers.drive.units import check_units
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, BusSettings
@@ -68,7 +69,7 @@ class Axis:
         self.settings = self._requested = settings
         self.name = settings.name
         self.node = Node(network, settings)
-        self.scale = Scale(settings.increment, settings.rated_force / 1000)
+        self.scale = scale(settings)
         self.mode: Mode | None = None
         self.limitations: list[str] = []
         self.target = od.TARGET_POSITION
@@ -135,24 +136,25 @@ class Axis:
                 value, or it keeps running without its host and the settings do not accept that.
             NodeError: the drive refuses or does not answer.
         """
-        node = self.node
+        node, axis = self.node, self._requested
         self._find_limitations()
         for clause in dcf.apply(node, dcf.parameter_values(node.dictionary)):
             self.add_limitation(clause)
-        for clause in check_units(node, self._requested):
+        for clause in check_units(node, axis):
             self.add_limitation(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         self._set_sync_id()
         self._set_sync_counter(bus.sync_counter)
-        node.write_optional(od.CYCLE_PERIOD, bus.period_us)
-        if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
+        node.write_optional(od.CYCLE_PERIOD, counts(axis, od.CYCLE_PERIOD, bus.sync_period))
+        window = counts(axis, od.SYNC_WINDOW, bus.sync_window)
+        if not node.write_optional(od.SYNC_WINDOW, window) and window:
             self.add_limitation(
                 f"{od.SYNC_WINDOW} is not offered: the drive accepts late setpoints"
             )
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
-        self.settings, clauses = parameters.write_settings(node, self._requested)
+        self.settings, clauses = parameters.write_settings(node, axis)
         for clause in clauses:
             self.add_limitation(clause)
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)

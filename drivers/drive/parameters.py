@@ -13,6 +13,7 @@ from enum import Enum, auto
 
 from drivers import objects as od
 from drivers.canopen import RemoteObjects
+from drivers.drive.scaling import counts, dimension, unit
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
@@ -149,16 +150,13 @@ def write_profile(
     Raises:
         ConfigurationError, NodeError: as `write_settings`.
     """
-    speed, rate = settings.velocity_unit_si, settings.acceleration_unit
     slower, clauses = 1.0, dict[ObjectRef, str | None]()
-    for ref, value, unit, dimension in (
-        (od.PROFILE_VELOCITY, velocity, speed, "m/s"),
-        (od.PROFILE_ACCELERATION, acceleration, rate, "m/s^2"),
-        (od.PROFILE_DECELERATION, acceleration, rate, "m/s^2"),
+    for ref, value in (
+        (od.PROFILE_VELOCITY, velocity),
+        (od.PROFILE_ACCELERATION, acceleration),
+        (od.PROFILE_DECELERATION, acceleration),
     ):
-        wanted = Parameter(
-            ref, round(value / unit), Rule.LESS, unit, dimension, "the move takes longer"
-        )
+        wanted = _parameter(settings, ref, value, Rule.LESS, "the move takes longer")
         held, clauses[ref] = _write(node, wanted)
         if held is None:
             raise ConfigurationError("is not offered", axis=settings.name, obj=ref)
@@ -178,33 +176,40 @@ def _option_codes(s: AxisSettings) -> tuple[tuple[ObjectRef, int], ...]:
 
 
 def _parameters(s: AxisSettings) -> tuple[Parameter, ...]:
-    length, speed, rate = s.increment, s.velocity_unit_si, s.acceleration_unit
-    force = s.rated_force / 1000
     search, index = s.homing_velocity
-    homing = min(HOMING_ACCELERATION, s.acceleration)
+    low, high = s.travel
     sooner, slower = "the drive faults sooner", "homing is slower"
     beyond, window = "setpoints beyond it are refused", "the drive's own moves end by that"
-    return (
-        Parameter(od.QUICK_STOP_DECELERATION, round(s.acceleration / rate), Rule.ROUNDED,
-                  rate, "m/s^2"),
-        Parameter(od.FOLLOWING_ERROR_WINDOW, round(s.following_error / length), Rule.LESS,
-                  length, "m", sooner),
-        Parameter(od.FOLLOWING_ERROR_TIMEOUT, round(s.following_error_time * 1e3), Rule.LESS,
-                  1e-3, "s", sooner),
-        Parameter(od.POSITION_WINDOW, round(s.position_window / length), Rule.ANY,
-                  length, "m", window),
-        Parameter(od.POSITION_WINDOW_TIME, round(s.position_window_time * 1e3), Rule.ANY,
-                  1e-3, "s", window),
-        Parameter(od.MAX_FORCE, round(s.peak_force / force), Rule.LESS,
-                  force, "N", "there is no more force than that"),
-        Parameter(od.SOFT_LIMIT_LOW, round(s.travel[0] / length), Rule.ABOVE, length, "m", beyond),
-        Parameter(od.SOFT_LIMIT_HIGH, round(s.travel[1] / length), Rule.BELOW, length, "m", beyond),
-        Parameter(od.HOME_OFFSET, 0),
-        Parameter(od.HOMING_METHOD, s.homing_method),
-        Parameter(od.HOMING_SEARCH_SPEED, round(search / speed), Rule.LESS, speed, "m/s", slower),
-        Parameter(od.HOMING_INDEX_SPEED, round(index / speed), Rule.LESS, speed, "m/s", slower),
-        Parameter(od.HOMING_ACCELERATION, round(homing / rate), Rule.LESS, rate, "m/s^2", slower),
-    )  # fmt: skip
+    return tuple(
+        _parameter(s, *row)
+        for row in (
+            (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.ROUNDED),
+            (od.FOLLOWING_ERROR_WINDOW, s.following_error, Rule.LESS, sooner),
+            (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.LESS, sooner),
+            (od.POSITION_WINDOW, s.position_window, Rule.ANY, window),
+            (od.POSITION_WINDOW_TIME, s.position_window_time, Rule.ANY, window),
+            (od.MAX_FORCE, s.peak_force, Rule.LESS, "there is no more force than that"),
+            (od.SOFT_LIMIT_LOW, low, Rule.ABOVE, beyond),
+            (od.SOFT_LIMIT_HIGH, high, Rule.BELOW, beyond),
+            (od.HOME_OFFSET, 0.0),
+            (od.HOMING_METHOD, s.homing_method),
+            (od.HOMING_SEARCH_SPEED, search, Rule.LESS, slower),
+            (od.HOMING_INDEX_SPEED, index, Rule.LESS, slower),
+            (od.HOMING_ACCELERATION, min(HOMING_ACCELERATION, s.acceleration), Rule.LESS, slower),
+        )
+    )
+
+
+def _parameter(
+    axis: AxisSettings,
+    ref: ObjectRef,
+    value: float,
+    rule: Rule = Rule.EXACT,
+    consequence: str = "",
+) -> Parameter:
+    """An object that is to hold an SI value."""
+    one, si = unit(axis, ref), dimension(axis, ref)
+    return Parameter(ref, counts(axis, ref, value), rule, one, si, consequence)
 
 
 def _write(node: RemoteObjects, wanted: Parameter) -> tuple[int | None, str | None]:

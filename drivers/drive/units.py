@@ -1,12 +1,13 @@
-"""Units of a drive: its factor group and SI units, compared with the settings.
+"""Units of a drive: what it says of them, compared with the settings, before power.
 
-Position: 0x608F encoder increments per motor revolution, 0x6091 gear, 0x6092 feed; together they
-give the encoder increments of one position unit. Velocity and acceleration: 0x6096 and 0x6097, with
-increments per second (squared) for one unit, or 0x60A9 and 0x60AA, the unit as a power of ten of
-m/s and m/s^2. Force: 0x6076 [mN]; force values are in thousandths of it (CiA 402).
+Position: 0x608F encoder increments per motor revolution, 0x6091 gear, 0x6092 feed, which together
+give the encoder increments of one position unit; and 0x60A8. Velocity and acceleration: 0x6096 and
+0x6097, increments per second (squared) for one unit; and 0x60A9 and 0x60AA (`notation`). Force:
+0x6076 [mN]; force values are in thousandths of it (CiA 402).
 
-Where a drive lacks these objects the settings are trusted, which is reported. A unit of velocity or
-acceleration that is no power of ten of m/s or m/s^2 (rpm, degrees, increments) is refused.
+All that a drive says has to agree with the settings; a unit that is not understood is refused.
+Where it says nothing of velocities or accelerations the settings have to, a default is no
+knowledge; positions and forces are then trusted, which is reported.
 """
 
 from __future__ import annotations
@@ -17,48 +18,50 @@ from fractions import Fraction
 
 from drivers import objects as od
 from drivers.canopen import Node
-from drivers.errors import ConfigurationError
+from drivers.drive import notation
+from drivers.drive.scaling import dimension, unit
+from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 TOLERANCE = 1e-6
 """Relative deviation due to factors that are fractions of 32-bit numbers."""
-_METRE, _SECOND, _SECOND_SQUARED = 0x01, 0x03, 0x57
-"""Notations of CiA 303-2 in 0x60A9 and 0x60AA."""
-_NOTATIONS = {
-    0x00: "without dimension", 0x01: "m", 0x03: "s", 0x10: "rad", 0x40: '"', 0x41: "\u00b0",
-    0x42: "'", 0x47: "min", 0x48: "h", 0xA1: "in", 0xB4: "revolutions", 0xB5: "increments",
-    0x57: "s^2", 0xC1: "in",
-}  # fmt: skip
-"""What CiA 303-2 and drives call the notations that a unit of position or time may have."""
 _REVERSED = 0xC0
 """Bits 7 (position) and 6 (velocity) of 0x607E."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Rate:
-    """A velocity or acceleration: its objects, and the time notation of its unit (CiA 303-2)."""
+class _Quantity:
+    """A quantity whose unit CiA 303-2 states.
+
+    Attributes:
+        name: of the quantity.
+        notation: the object that states its unit.
+        example: an object in that unit.
+        per: power of the time that the unit is divided by.
+    """
 
     name: str
-    unit: str
-    factor: ObjectRef
-    divisor: ObjectRef
-    si_unit: ObjectRef
-    time_notation: int
-
-
-_VELOCITY = _Rate("velocity", "m/s", od.VELOCITY_FACTOR, od.VELOCITY_DIVISOR, od.VELOCITY_UNIT,
-                  _SECOND)  # fmt: skip
-_ACCELERATION = _Rate("acceleration", "m/s^2", od.ACCELERATION_FACTOR, od.ACCELERATION_DIVISOR,
-                      od.ACCELERATION_UNIT, _SECOND_SQUARED)  # fmt: skip
+    notation: ObjectRef
+    example: ObjectRef
+    per: int
 
 
 @dataclass(frozen=True, slots=True)
-class Scale:
-    """SI values of one unit of the CAN integers: `increment` [m], `force` [N] (rated / 1000)."""
+class _Rate(_Quantity):
+    """A velocity or acceleration: `factor` and `divisor` state its unit too; `key` sets it."""
 
-    increment: float
-    force: float
+    factor: ObjectRef
+    divisor: ObjectRef
+    key: str
+
+
+_POSITION = _Quantity("position", od.POSITION_UNIT, od.TARGET_POSITION, 0)
+_VELOCITY = _Rate("velocity", od.VELOCITY_UNIT, od.PROFILE_VELOCITY, 1,
+                  od.VELOCITY_FACTOR, od.VELOCITY_DIVISOR, "velocity_unit")  # fmt: skip
+_ACCELERATION = _Rate("acceleration", od.ACCELERATION_UNIT, od.PROFILE_ACCELERATION, 2,
+                      od.ACCELERATION_FACTOR, od.ACCELERATION_DIVISOR,
+                      "acceleration_unit")  # fmt: skip
 
 
 def check_units(node: Node, settings: AxisSettings) -> list[str]:
@@ -68,17 +71,19 @@ def check_units(node: Node, settings: AxisSettings) -> list[str]:
         What the drive does not report, one clause each.
 
     Raises:
-        ConfigurationError: the units differ or are invalid; names the object and both values.
+        ConfigurationError: the units differ, are not understood, or nobody states them; names the
+            object and what it says.
         NodeError: the drive does not answer.
     """
     unreported = _check_position(node, settings)
-    _check_rate(node, settings, _VELOCITY, settings.velocity_unit_si)
-    _check_rate(node, settings, _ACCELERATION, settings.acceleration_unit)
+    _check_rate(node, settings, _VELOCITY, settings.velocity_unit > 0)
+    _check_rate(node, settings, _ACCELERATION, settings.acceleration_unit > 0)
     _check_polarity(node, settings)
     return unreported + _check_force(node, settings)
 
 
 def _check_position(node: Node, settings: AxisSettings) -> list[str]:
+    """Factor group and 0x60A8; a clause for each missing factor where nothing else states it."""
     unreported, factor = [], Fraction(1)
     for numerator, denominator, power in (
         (od.ENCODER_INCREMENTS, od.ENCODER_REVOLUTIONS, 1),
@@ -93,54 +98,84 @@ def _check_position(node: Node, settings: AxisSettings) -> list[str]:
             )
         else:
             factor *= ratio**power
-    if unreported:
+    if not unreported:
+        found = float(factor) * settings.encoder_increment
+        if not math.isclose(found, settings.increment, rel_tol=TOLERANCE):
+            raise ConfigurationError(
+                f"factor group: one position unit is {float(factor):.6g} encoder increments of "
+                f"{settings.encoder_increment:.6g} m, which is {found:.6g} m; the settings say "
+                f"{settings.increment:.6g} m",
+                axis=settings.name, obj=od.FEED,
+            )  # fmt: skip
+    stated = _stated(node, od.POSITION_UNIT)
+    if stated is None:
         return unreported
-    unit = float(factor) * settings.encoder_increment
-    if not math.isclose(unit, settings.increment, rel_tol=TOLERANCE):
-        raise ConfigurationError(
-            f"factor group: one position unit is {float(factor):.6g} encoder increments of "
-            f"{settings.encoder_increment:.6g} m, which is {unit:.6g} m; the settings say "
-            f"{settings.increment:.6g} m",
-            axis=settings.name, obj=od.FEED,
-        )  # fmt: skip
+    _compare(_size(stated, settings, _POSITION), settings, _POSITION, od.POSITION_UNIT)
     return []
 
 
-def _check_rate(node: Node, settings: AxisSettings, rate: _Rate, expected: float) -> None:
+def _check_rate(node: Node, settings: AxisSettings, rate: _Rate, is_written: bool) -> None:
+    """Velocity or acceleration; `is_written`: the settings have its unit from the machine file."""
     ratio = _ratio(node, settings, rate.factor, rate.divisor)
-    found, ref = None, rate.factor
     if ratio is not None:
-        found = float(ratio) * settings.encoder_increment
-    elif node.has(rate.si_unit) and node.read(rate.si_unit):  # 0: none is stated
-        found, ref = _power_of_ten(node.read(rate.si_unit), settings, rate), rate.si_unit
-    if found is not None and not math.isclose(found, expected, rel_tol=TOLERANCE):
+        _compare(float(ratio) * settings.encoder_increment, settings, rate, rate.factor)
+    stated = _stated(node, rate.notation)
+    if stated is not None:
+        _compare(_size(stated, settings, rate), settings, rate, rate.notation)
+    elif ratio is None and not is_written:
+        one, si = unit(settings, rate.example), dimension(settings, rate.example)
         raise ConfigurationError(
-            f"one {rate.name} unit is {found:.6g} {rate.unit}, the settings say "
-            f"{expected:.6g} {rate.unit}",
-            axis=settings.name, obj=ref,
+            f"the drive does not say what it counts {rate.name} in; the machine file must: "
+            f"add {rate.key}: {one:g} to its drive section if it is {one:g} {si}",
+            axis=settings.name, obj=rate.notation,
         )  # fmt: skip
 
 
-def _power_of_ten(unit: int, settings: AxisSettings, rate: _Rate) -> float:
-    """One unit [m/s or m/s^2] by 0x60A9 or 0x60AA: prefix, numerator, denominator, reserved.
+def _stated(node: Node, ref: ObjectRef) -> int | None:
+    """A notation that the drive states, also where its EDS does not list the object.
+
+    Returns:
+        None where the drive does not have it, or it is 0 (CiA 303-2: without dimension).
 
     Raises:
-        ConfigurationError: it is another unit than metres, which the host does not convert.
+        NodeError: no answer.
     """
-    unit &= 0xFFFFFFFF
-    prefix, numerator, denominator = unit >> 24, unit >> 16 & 0xFF, unit >> 8 & 0xFF
-    power = prefix - 256 if prefix > 127 else prefix
-    if (numerator, denominator) != (_METRE, rate.time_notation):
-        meaning = " per ".join(
-            _NOTATIONS.get(part, f"an unknown notation 0x{part:02X}")
-            for part in (numerator, denominator)
-        )
-        factor = f"10^{power} " if power else ""
+    try:
+        return node.read(ref) & 0xFFFFFFFF or None
+    except NodeError as refused:
+        if refused.abort_code is None:
+            raise
+        return None
+
+
+def _size(stated: int, settings: AxisSettings, quantity: _Quantity) -> float:
+    """One unit as stated [SI].
+
+    Raises:
+        ConfigurationError: the axis cannot use such a unit.
+    """
+    found = notation.read(stated)
+    kind, base = ("rotary", "rad") if settings.rotary else ("linear", "m")
+    if found.per == quantity.per and found.size > 0:
+        if found.base == base:
+            return found.size
+        if found.base == notation.INCREMENT and quantity is _POSITION:
+            # which increments a velocity counts, and per which time, differs from drive to drive
+            return found.size * settings.encoder_increment
+    raise ConfigurationError(
+        f"says 0x{stated:08X}: {found.words}; a {kind} axis cannot use it for {quantity.name}",
+        axis=settings.name, obj=quantity.notation,
+    )  # fmt: skip
+
+
+def _compare(found: float, settings: AxisSettings, quantity: _Quantity, ref: ObjectRef) -> None:
+    """Refuses a unit [SI] other than that of the settings; `ref` states it."""
+    expected, si = unit(settings, quantity.example), dimension(settings, quantity.example)
+    if not math.isclose(found, expected, rel_tol=TOLERANCE):
         raise ConfigurationError(
-            f"0x{unit:08X} is {factor}{meaning}; only powers of ten of {rate.unit} are supported",
-            axis=settings.name, obj=rate.si_unit,
+            f"one {quantity.name} unit is {found:.6g} {si}, the settings say {expected:.6g} {si}",
+            axis=settings.name, obj=ref,
         )  # fmt: skip
-    return 10.0**power
 
 
 def _check_polarity(node: Node, settings: AxisSettings) -> None:

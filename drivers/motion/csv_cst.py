@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from drivers import objects as od
 from drivers.canopen import Clock
 from drivers.cyclic import Channel, Cycle, RealTime, Until, decode_rows
-from drivers.drive import Mode
+from drivers.drive import Mode, unit
 from drivers.errors import AxisFault
 from drivers.motion.limits import checked_forces, checked_velocities
 from drivers.motion.power import Power
@@ -97,10 +97,10 @@ class CyclicVelocity:
             [c.position * c.axis.scale.increment for c in channels],
             self._cycle.period,
         )  # fmt: skip
-        units = [c.axis.settings.velocity_unit_si for c in channels]
+        units = [unit(c.axis.settings, od.TARGET_VELOCITY) for c in channels]
         slopes = [
-            c.axis.settings.acceleration / unit * self._cycle.period
-            for c, unit in zip(channels, units, strict=True)
+            c.axis.settings.acceleration / speed * self._cycle.period
+            for c, speed in zip(channels, units, strict=True)
         ]
         return self._streams.run(self.mode, targets, offsets, until, units, slopes)
 
@@ -118,7 +118,7 @@ class CyclicForce:
         channels = self._cycle.channels
         targets = checked_forces(force, [c.axis.settings for c in channels])
         guard = TravelGuard(channels, self._cycle.clock, until)
-        units = [c.axis.scale.force for c in channels]
+        units = [unit(c.axis.settings, od.TARGET_FORCE) for c in channels]
         return self._streams.run(self.mode, targets, np.zeros_like(targets), guard, units, None)
 
 

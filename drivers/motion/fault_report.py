@@ -12,7 +12,7 @@ from contextlib import suppress
 from drivers import objects as od
 from drivers.canopen import REBOOTED, Node, error_text, register_text
 from drivers.cyclic import Channel
-from drivers.drive import Command, Control, Status, decode
+from drivers.drive import Command, Control, Status, decode, dimension, unit
 from drivers.errors import (
     AxisFault,
     ConfigurationError,
@@ -47,12 +47,10 @@ def gather(channel: Channel) -> Evidence:
 
 
 def _target_text(channel: Channel) -> str:
-    axis = channel.axis
-    if axis.target == od.TARGET_FORCE:
-        return f"{channel.target * axis.scale.force:.4g} N"
-    if axis.target == od.TARGET_VELOCITY:
-        return f"{channel.target * axis.settings.velocity_unit_si:.6g} m/s"
-    return f"{channel.target * axis.scale.increment:.9g} m"
+    axis, target = channel.axis, channel.axis.target
+    value = channel.target * unit(axis.settings, target)
+    digits = {od.TARGET_FORCE: 4, od.TARGET_VELOCITY: 6}.get(target, 9)
+    return f"{value:.{digits}g} {dimension(axis.settings, target)}"
 
 
 def command_text(controlword: int) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
+from drivers.drive import counts, unit
 from drivers.errors import LimitError, shown
 from drivers.settings import AxisSettings
 
@@ -71,8 +72,7 @@ def checked_positions(
                 f"limit {axis.velocity:g} m/s",
                 axis=axis.name, obj=od.TARGET_POSITION,
             )  # fmt: skip
-    increment = np.array([a.increment for a in axes])
-    return np.rint(position / increment).astype(np.int64), _force_counts(offset, axes)
+    return _counts(position, axes, od.TARGET_POSITION), _force_counts(offset, axes, od.FORCE_OFFSET)
 
 
 def checked_velocities(
@@ -111,8 +111,7 @@ def checked_velocities(
         row = _first_outside(path, axis, axis.increment)
         if row is not None:
             raise beyond_travel(axis, path[row], f"row {row}: leads to {path[row]:.9g} m,")
-    units = np.array([a.velocity_unit_si for a in axes])
-    return np.rint(velocity / units).astype(np.int64), _force_counts(offset, axes)
+    return _counts(velocity, axes, od.TARGET_VELOCITY), _force_counts(offset, axes, od.FORCE_OFFSET)
 
 
 def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
@@ -133,7 +132,7 @@ def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> 
         _check_finite(force[:, j], axis, od.TARGET_FORCE, "N")
         _within(np.abs(force[:, j]), axis.peak_force, "force", "N", axis, od.MAX_FORCE)
         _ends_at_zero(force[:, j], axis, od.TARGET_FORCE)
-    return _force_counts(force, axes)
+    return _force_counts(force, axes, od.TARGET_FORCE)
 
 
 def checked_profile(
@@ -172,8 +171,8 @@ def checked_profile(
             which = f"target {number + 1}: " if len(positions) > 1 else ""
             raise beyond_travel(axis, end, f"{which}target {shown(end)} m is")
         duration = abs(end - at) / velocity + velocity / acceleration
-        counts = round(position / axis.increment)
-        setpoints.append(Setpoint(counts, round(end / axis.increment), duration, relative))
+        target, last = (counts(axis, od.TARGET_POSITION, value) for value in (position, end))
+        setpoints.append(Setpoint(target, last, duration, relative))
         at = end
     return setpoints
 
@@ -207,9 +206,18 @@ def _checked_shape(
     return values, offset
 
 
-def _force_counts(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
-    unit = np.array([a.rated_force / 1000 for a in axes])
-    return np.clip(np.rint(force / unit), -32768, 32767).astype(np.int64)
+def _counts(
+    values: NDArray[np.float64], axes: Sequence[AxisSettings], ref: od.ObjectRef
+) -> NDArray[np.int64]:
+    """SI values [K, n] in the axes' units of an object."""
+    return np.rint(values / np.array([unit(axis, ref) for axis in axes])).astype(np.int64)
+
+
+def _force_counts(
+    force: NDArray[np.float64], axes: Sequence[AxisSettings], ref: od.ObjectRef
+) -> NDArray[np.int64]:
+    units = np.array([unit(axis, ref) for axis in axes])
+    return np.clip(np.rint(force / units), -32768, 32767).astype(np.int64)
 
 
 def _check_finite(

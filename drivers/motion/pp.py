@@ -51,6 +51,7 @@ class ProfilePosition:
         setpoints = checked_profile(
             channel.axis.settings, start, targets, velocity, acceleration, relative
         )
+        channel.axis.check_mode(self.mode)
         with self._stopping.on_failure():
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]

@@ -105,8 +105,9 @@ def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
         HOMING_SPEED_SEARCH: round(0.01 / axis.velocity_unit),
         HOMING_SPEED_INDEX: round(0.002 / axis.velocity_unit),
         HOMING_ACCELERATION: round(0.5 / axis.acceleration_unit),
-        key(0x60A8): _si_unit(axis.unit, 0x00),
-        key(0x60A9): _si_unit(axis.velocity_unit, 0x03),
+        key(0x60A8): _notation(axis, axis.unit, 0x00),
+        key(0x60A9): _notation(axis, axis.velocity_unit, 0x03),
+        key(0x60AA): _notation(axis, axis.acceleration_unit, 0x57),
         PROFILE_ACCELERATION: round(axis.acceleration / axis.acceleration_unit / 10),
         PROFILE_DECELERATION: round(axis.acceleration / axis.acceleration_unit / 10),
         QUICK_STOP_DECELERATION: round(axis.acceleration / axis.acceleration_unit),
@@ -114,9 +115,15 @@ def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
     }
 
 
-def _si_unit(unit: float, per: int) -> int:
-    """CiA 303-2 notation of a power of ten of metres, per second (3) or not (0); else 0."""
+def _notation(axis: AxisSettings, unit: float, per: int) -> int:
+    """CiA 303-2: power of ten, metre or radian, and what it is divided by; 0 for other units.
+
+    Args:
+        axis: whose unit it is.
+        unit: in SI units.
+        per: notation of 1 (0x00), second (0x03) or second squared (0x57).
+    """
     power = round(math.log10(unit))
     if not math.isclose(unit, 10.0**power, rel_tol=1e-9) or not -128 <= power <= 127:
         return 0
-    return (power & 0xFF) << 24 | 0x01 << 16 | per << 8
+    return (power & 0xFF) << 24 | (0x10 if axis.rotary else 0x01) << 16 | per << 8

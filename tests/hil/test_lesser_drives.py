@@ -111,7 +111,7 @@ def test_without_torque_actual_value_force_reads_zero() -> None:
 
 
 def test_without_factor_group_the_increment_is_trusted() -> None:
-    with stage_without(0x608F, 0x6091, 0x6092) as (stage, _):
+    with stage_without(0x608F, 0x6091, 0x6092, 0x60A8) as (stage, _):
         assert len(stage.limitations) == 3
         assert all("position unit is assumed to be 1e-09 m" in x for x in stage.limitations)
         assert len(stage.hold(0.01)) == 10

@@ -58,9 +58,9 @@ def test_encoder_increments_other_than_1_nm(stage_machine: Machine, increment: s
 
 
 UNITS = [
-    "position_unit: 5 nm",
-    "position_unit: 0.5 nm",
-    "position_unit: 4.8828125 nm",
+    "position_unit: 5 nm\n      velocity_unit: 5 nm/s",
+    "position_unit: 0.5 nm\n      velocity_unit: 0.5 nm/s",
+    "position_unit: 4.8828125 nm\n      velocity_unit: 4.8828125 nm/s",
     "position_unit: 10 nm\n      velocity_unit: 1 um/s\n      acceleration_unit: 1 mm/s^2",
 ]
 

@@ -113,7 +113,7 @@ def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
             "(drive.position_unit)",
         )
     speed, speed_key = _speed_unit(axis.drive)
-    rate = axis.drive.acceleration_unit
+    rate = axis.drive.acceleration_count
     limits = axis.limits
     for key, value, most, step, dimension, unit_key in (
         ("velocity", limits.velocity, POSITION_RANGE, speed, "m/s", speed_key),
@@ -156,9 +156,8 @@ def _check_homing(axis: Axis, at: At, refuse: Refuse) -> None:
 
 def _speed_unit(drive: Drive) -> tuple[float, str]:
     """The unit of velocities on the bus [m/s], and the key that sets it."""
-    if drive.velocity_unit is not None:
-        return drive.velocity_unit, "velocity_unit"
-    return drive.position_unit, "position_unit"
+    key = "position_unit" if drive.velocity_unit is None else "velocity_unit"
+    return drive.velocity_count, key
 
 
 def _check_drive(drive: Drive, at: At, refuse: Refuse) -> None:

@@ -82,7 +82,7 @@ class Drive(Section):
 
     Attributes:
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
-            m/s^2]; velocity_unit None: one position unit per second.
+            m/s^2]; velocity_unit and acceleration_unit None: the drive has to say them.
         unwatched_host: whether to power a drive that keeps moving when its host is gone.
         boot_timeout: for its boot-up message [s].
         enable_timeout: for OPERATION ENABLED, phase finding included [s].
@@ -100,7 +100,7 @@ class Drive(Section):
     velocity_unit: PositiveVelocity | None = None
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"
-    acceleration_unit: PositiveAcceleration = 1e-6
+    acceleration_unit: PositiveAcceleration | None = None
     boot_timeout: PositiveTime = 2.0
     enable_timeout: PositiveTime = 2.0
     revision: Annotated[StrictInt, Field(ge=0, le=65_535)] | None = None
@@ -112,3 +112,13 @@ class Drive(Section):
     def force_unit(self) -> float:
         """One count of force on the bus: 1/1000 of the rated force [N]."""
         return self.rated_force / 1000.0
+
+    @property
+    def velocity_count(self) -> float:
+        """One count of velocity on the bus [m/s]; by default one position unit per second."""
+        return self.velocity_unit or self.position_unit
+
+    @property
+    def acceleration_count(self) -> float:
+        """One count of acceleration on the bus [m/s^2]; by default 1 um/s^2."""
+        return self.acceleration_unit or 1e-6

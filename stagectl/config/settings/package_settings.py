@@ -52,10 +52,10 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 wander=friction.repeatability.coulomb,
                 correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
-                velocity_unit=drive.velocity_unit or drive.position_unit,
-                acceleration_unit=drive.acceleration_unit,
                 quirks=_quirks(drive),
                 encoder_on_load=axis.encoder.on_load,
+                velocity_unit=drive.velocity_count,
+                acceleration_unit=drive.acceleration_count,
             )
         )
     if any(axis.effects for axis in machine.axes.values()):
@@ -172,7 +172,7 @@ def driver_settings(
             increment=axis.drive.position_unit,
             encoder=axis.encoder.increment,
             velocity_unit=axis.drive.velocity_unit or 0.0,
-            acceleration_unit=axis.drive.acceleration_unit,
+            acceleration_unit=axis.drive.acceleration_unit or 0.0,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
             following_error_time=axis.limits.following_error_time,
@@ -183,6 +183,7 @@ def driver_settings(
             boot_timeout=axis.drive.boot_timeout,
             enable_timeout=axis.drive.enable_timeout,
             revision=axis.drive.revision,
+            rotary=axis.rotary,
         )
         for name, axis in machine.axes.items()
     )

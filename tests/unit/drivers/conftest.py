@@ -61,6 +61,7 @@ class ScriptedDrive:
             (0x6076, 0): round(rated * 1000),
             (0x608F, 1): 1, (0x608F, 2): 1, (0x6091, 1): 1, (0x6091, 2): 1,
             (0x6092, 1): 1, (0x6092, 2): 1,
+            (0x60A8, 0): 0xF7010000, (0x60A9, 0): 0xF7010300, (0x60AA, 0): 0xFA015700,
         }  # fmt: skip
         self.sizes: dict[tuple[int, int], int] = {}
         self.refuse: dict[tuple[int, int], int] = {}

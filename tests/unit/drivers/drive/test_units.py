@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
 from drivers.drive.units import check_units
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, NodeError
 from drivers.settings import AxisSettings
 
 PITCH = 0.032
+RATES = {"x60A9_0": 0xF7010300, "x60AA_0": 0xFA015700}
+WRITTEN = {"velocity_unit": 1e-9, "acceleration_unit": 1e-6}
 
 
 class Drive:
@@ -25,6 +28,8 @@ class Drive:
         return (ref.index, ref.sub) in self.objects
 
     def read(self, ref):
+        if not self.has(ref):
+            raise NodeError("read refused", axis="x", obj=ref, abort_code=0x06020000)
         return self.objects[ref.index, ref.sub]
 
 
@@ -39,7 +44,7 @@ def settings(**changes):
 def factor_group(increment, unit, **others):
     return Drive(
         x608F_1=round(PITCH / increment), x608F_2=1, x6091_1=1, x6091_2=1,
-        x6092_1=round(PITCH / unit), x6092_2=1, **({"x6076_0": 40_000} | others),
+        x6092_1=round(PITCH / unit), x6092_2=1, **(RATES | {"x6076_0": 40_000} | others),
     )  # fmt: skip
 
 
@@ -49,7 +54,10 @@ def factor_group(increment, unit, **others):
 )
 def test_position_units_other_than_increments(increment, unit):
     assert (
-        check_units(factor_group(increment, unit), settings(encoder=increment, increment=unit))
+        check_units(
+            factor_group(increment, unit),
+            settings(encoder=increment, increment=unit, velocity_unit=1e-9),
+        )
         == []
     )
 
@@ -57,7 +65,7 @@ def test_position_units_other_than_increments(increment, unit):
 def test_the_gear_ratio_is_part_of_the_position_unit():
     drive = factor_group(1e-9, 1e-9)
     drive.objects[0x6091, 1] = 5
-    assert check_units(drive, settings(encoder=1e-9, increment=5e-9, travel=(-0.1, 0.1))) == []
+    assert check_units(drive, settings(encoder=1e-9, increment=5e-9, velocity_unit=1e-9)) == []
 
 
 def test_a_mismatch_names_both_units():
@@ -66,7 +74,9 @@ def test_a_mismatch_names_both_units():
         match=r"^axis x: 0x6092:01 feed: factor group: one position unit is 0\.2 encoder "
         r"increments of 5e-09 m, which is 1e-09 m; the settings say 5e-09 m$",
     ):
-        check_units(factor_group(5e-9, 1e-9), settings(encoder=5e-9, increment=5e-9))
+        check_units(
+            factor_group(5e-9, 1e-9), settings(encoder=5e-9, increment=5e-9, velocity_unit=1e-9)
+        )
 
 
 @pytest.mark.parametrize(
@@ -88,19 +98,66 @@ def test_units_other_than_the_settings_are_refused(others, message):
 
 
 def test_units_that_agree_are_accepted():
-    assert check_units(
-        factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x6097_1=1000, x6097_2=1), settings()
-    ) == []  # fmt: skip
-    drive = factor_group(1e-9, 1e-9, x60A9_0=0xFA010300, x60AA_0=0xFA015700)
-    assert check_units(drive, settings(velocity_unit=1e-6)) == []
+    factors = {"x6096_1": 1, "x6096_2": 1, "x6097_1": 1000, "x6097_2": 1}
+    assert check_units(factor_group(1e-9, 1e-9, x60A8_0=0xF7010000, **factors), settings()) == []
+    drive = factor_group(1e-9, 1e-9, x60A9_0=0xFA010300, x60AA_0=0xFD015700)
+    assert check_units(drive, settings(velocity_unit=1e-6, acceleration_unit=1e-3)) == []
 
 
 def test_missing_unit_objects_are_reported():
-    clauses = check_units(Drive(), settings())
+    clauses = check_units(Drive(), settings(**WRITTEN))
     assert len(clauses) == 4
     assert clauses[-1] == (
         "0x6076:00 motor rated torque is not offered: the rated force is assumed to be 40 N"
     )
+
+
+def test_a_position_unit_without_a_factor_group_may_be_stated_by_0x60a8():
+    assert check_units(Drive(x60A8_0=0xF7010000, x6076_0=40_000, **RATES), settings()) == []
+
+
+@pytest.mark.parametrize("nothing", [None, 0], ids=["no object", "zero"])
+@pytest.mark.parametrize(
+    ("index", "name", "key", "one", "dimension"),
+    [
+        ("60A9", "velocity", "velocity_unit", "1e-09", "m/s"),
+        ("60AA", "acceleration", "acceleration_unit", "1e-06", r"m/s\^2"),
+    ],
+)
+def test_a_rate_that_nobody_states_is_refused_with_the_line_to_add(
+    nothing, index, name, key, one, dimension
+):
+    drive = factor_group(1e-9, 1e-9)
+    del drive.objects[int(index, 16), 0]
+    if nothing is not None:
+        drive.objects[int(index, 16), 0] = nothing
+    with pytest.raises(
+        ConfigurationError,
+        match=rf"^axis x: 0x{index}:00 .*does not say what it counts {name} in; the machine file "
+        rf"must: add {key}: {one} to its drive section if it is {one} {dimension}$",
+    ):
+        check_units(drive, settings())
+    assert check_units(drive, settings(**WRITTEN)) == []
+
+
+def test_a_factor_states_a_rate_as_well():
+    drive = factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x6097_1=1000, x6097_2=1)
+    del drive.objects[0x60A9, 0], drive.objects[0x60AA, 0]
+    assert check_units(drive, settings()) == []
+
+
+@pytest.mark.parametrize("index", [0x60A8, 0x60A9, 0x60AA])
+def test_a_drive_that_does_not_answer_is_not_taken_for_one_that_states_nothing(index):
+    class Silent(Drive):
+        def read(self, ref):
+            if ref.index == index:
+                raise NodeError("read: node 1 does not answer", axis="x", obj=ref)
+            return super().read(ref)
+
+    drive = Silent()
+    drive.objects = factor_group(1e-9, 1e-9).objects
+    with pytest.raises(NodeError, match="does not answer"):
+        check_units(drive, settings(**WRITTEN))
 
 
 @pytest.mark.parametrize("polarity", [0x40, 0x80, 0xC0, -128])
@@ -118,32 +175,76 @@ def test_other_bits_of_the_polarity_are_ignored(polarity):
 
 @pytest.mark.parametrize(
     ("notation", "unit"),
-    [(0xF7010300, 1e-9), (0xFA010300, 1e-6), (0x00010300, 1.0), (0x01010300, 10.0)],
-)
-def test_a_velocity_unit_is_a_power_of_ten_of_metres_per_second(notation, unit):
-    check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=unit))
-    check_units(
-        factor_group(1e-9, 1e-9, x60A9_0=notation - (1 << 32)), settings(velocity_unit=unit)
-    )
-    with pytest.raises(ConfigurationError, match=r"^axis x: 0x60A9:00 .*one velocity unit is"):
-        check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=2 * unit))
+    [
+        (0xF7010300, 1e-9), (0xFA010300, 1e-6), (0x00010300, 1.0), (0x01010300, 10.0),
+        (0xFD014700, 1e-3 / 60), (0x00014800, 1 / 3600),
+    ],
+)  # fmt: skip
+def test_a_velocity_may_count_any_length_per_any_time(notation, unit):
+    for value in (notation, notation - (1 << 32)):
+        drive = factor_group(1e-9, 1e-9, x60A9_0=value)
+        check_units(drive, settings(velocity_unit=unit))
+        with pytest.raises(ConfigurationError, match=r"^axis x: 0x60A9:00 .*one velocity unit is"):
+            check_units(drive, settings(velocity_unit=2 * unit))
+
+
+def test_a_position_may_count_metres_or_encoder_increments():
+    increments = factor_group(5e-9, 5e-9, x60A8_0=0x00B50000)
+    assert check_units(increments, settings(increment=5e-9, velocity_unit=1e-9)) == []
+    metres = factor_group(1e-9, 1e-9, x60A8_0=0xFA010000)
+    with pytest.raises(
+        ConfigurationError, match=r"0x60A8:00 .*one position unit is 1e-06 m, .* say 1e-09 m$"
+    ):
+        check_units(metres, settings())
 
 
 @pytest.mark.parametrize(
     ("unit", "meaning"),
     [
-        ({"x60A9_0": 0x00B44700}, "0x60A9:00 .*0x00B44700 is revolutions per min;"),
-        ({"x60A9_0": 0xFF410300}, "0x60A9:00 .*0xFF410300 is 10\\^-1 \u00b0 per s;"),
-        ({"x60A9_0": 0xFFB50300 - (1 << 32)}, "0x60A9:00 .*10\\^-1 increments per s;"),
-        ({"x60A9_0": 0x00015700}, r"0x60A9:00 .*m per s\^2; only powers of ten of m/s are"),
-        ({"x60A9_0": 0x00020300}, "0x60A9:00 .*an unknown notation 0x02 per s;"),
-        ({"x60AA_0": 0x00B4A000}, "0x60AA:00 .*revolutions per an unknown notation 0xA0;"),
-        ({"x60AA_0": 0x00010300}, r"0x60AA:00 .*m per s; only powers of ten of m/s\^2 are"),
+        ({"x60A9_0": 0x00B44700}, "0x60A9:00 .*: says 0x00B44700: revolutions per minute; "),
+        ({"x60A9_0": 0xFF410300}, "0x60A9:00 .*0xFF410300: 10\\^-1 degrees per second; "),
+        ({"x60A9_0": 0xFFB50300 - (1 << 32)}, "0x60A9:00 .*: 10\\^-1 increments per second; "),
+        ({"x60A9_0": 0x00015700}, "0x60A9:00 .*metres per second squared; "),
+        ({"x60A9_0": 0x00020300}, "0x60A9:00 .*an unknown unit 0x02 per second; "),
+        ({"x60A9_0": 0x00010301}, "0x60A9:00 .*metres per second, and 0x01 in bits that mean"),
+        ({"x60A9_0": 0x00000300}, "0x60A9:00 .*numbers without dimension per second; "),
+        ({"x60AA_0": 0x00B4A000}, "0x60AA:00 .*revolutions per second cubed; "),
+        ({"x60AA_0": 0x00C00300}, "0x60AA:00 .*revolutions per minute per second; "),
+        ({"x60AA_0": 0x00010300}, "0x60AA:00 .*metres per second; "),
+        ({"x60AA_0": 0x00014700}, "0x60AA:00 .*metres per minute; "),
+        ({"x60A8_0": 0xFF410000}, "0x60A8:00 .*10\\^-1 degrees; "),
+        ({"x60A8_0": 0x00B40000}, "0x60A8:00 .*revolutions; "),
+        ({"x60A8_0": 0xF7010300}, "0x60A8:00 .*10\\^-9 metres per second; "),
     ],
 )
-def test_a_unit_that_is_no_power_of_ten_of_metres_is_refused(unit, meaning):
-    with pytest.raises(ConfigurationError, match=f"^axis x: {meaning}"):
-        check_units(factor_group(1e-9, 1e-9, **unit), settings())
+def test_a_unit_that_a_linear_axis_cannot_use_is_refused(unit, meaning):
+    with pytest.raises(
+        ConfigurationError, match=f"^axis x: {meaning}.*a linear axis cannot use it for "
+    ):
+        check_units(factor_group(1e-9, 1e-9, **unit), settings(**WRITTEN))
+
+
+def test_a_rotary_axis_has_angles_and_no_lengths():
+    turning = settings(rotary=True, velocity_unit=0.1 * math.pi / 180, acceleration_unit=1e-3)
+    degrees = {"x60A8_0": 0xF7100000, "x60A9_0": 0xFF410300, "x60AA_0": 0xFD105700}
+    assert check_units(factor_group(1e-9, 1e-9, **degrees), turning) == []
+    with pytest.raises(
+        ConfigurationError, match=r"0xF7010300: 10\^-9 metres per second; a rotary axis cannot"
+    ):
+        check_units(factor_group(1e-9, 1e-9), settings(rotary=True))
+
+
+def test_a_reason_other_than_a_missing_object_counts_as_no_statement():
+    class Refusing(Drive):
+        def read(self, ref):
+            if ref.index == 0x60A9:
+                raise NodeError("read refused", axis="x", obj=ref, abort_code=0x08000000)
+            return super().read(ref)
+
+    drive = Refusing()
+    drive.objects = factor_group(1e-9, 1e-9).objects
+    with pytest.raises(ConfigurationError, match=r"0x60A9:00 .*does not say"):
+        check_units(drive, settings())
 
 
 def test_a_rate_may_deviate_by_a_millionth():
@@ -156,9 +257,11 @@ def test_a_rate_may_deviate_by_a_millionth():
         check_units(drive, settings())
 
 
-def test_a_factor_takes_precedence_over_a_notation():
+def test_a_factor_and_a_notation_that_disagree_are_refused():
     drive = factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x60A9_0=0xFA010300)
-    assert check_units(drive, settings()) == []
+    for unit in (1e-9, 1e-6):
+        with pytest.raises(ConfigurationError, match="one velocity unit is"):
+            check_units(drive, settings(velocity_unit=unit))
 
 
 @pytest.mark.parametrize(

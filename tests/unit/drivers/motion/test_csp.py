@@ -76,7 +76,8 @@ def test_a_failure_in_a_stream_stops_all_axes(stage: Stage, scripted: Any) -> No
 def test_samples_are_in_the_units_of_each_axis(
     scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
-    coarse = dataclasses.replace(axis_settings[1], increment=1e-8)
+    coarse = dataclasses.replace(axis_settings[1], increment=1e-8, velocity_unit=1e-9)
+    scripted.drives[1].objects[0x60A8, 0] = 0xF8010000
     with Stage.open(bus_settings, (axis_settings[0], coarse), bus_object=scripted) as stage:
         stage.boot()
         stage.enable()

@@ -70,6 +70,23 @@ def test_driver_settings_hold_bus_limits_and_homing() -> None:
     assert x.eds.name == "stagectl-linear-drive.eds"
 
 
+def test_units_that_are_not_written_are_a_default_and_no_knowledge() -> None:
+    text = load_machine().text.replace(
+        "rated_force: 40.0",
+        "rated_force: 40.0\n      position_unit: 5 nm\n      acceleration_unit: 1e-3",
+        1,
+    )
+    machine = parse_machine(text, "m.yaml")
+    _, (x, y) = driver_settings(machine)
+    assert (x.velocity_unit, x.acceleration_unit) == (0.0, 1e-3)
+    assert (y.velocity_unit, y.acceleration_unit) == (0.0, 0.0)
+    assert (x.velocity_unit_si, y.acceleration_unit_si) == (5e-9, 1e-6)
+    for axis, virtual in zip((x, y), stage_settings(machine).axes, strict=True):
+        assert virtual.unit == axis.increment
+        assert virtual.velocity_unit == axis.velocity_unit_si
+        assert virtual.acceleration_unit == axis.acceleration_unit_si
+
+
 def test_a_named_eds_is_relative_to_the_machine_file(tmp_path: Path) -> None:
     text = load_machine().text.replace("node: 1", "node: 1\n    eds: mine.eds", 1)
     path = tmp_path / "m.yaml"

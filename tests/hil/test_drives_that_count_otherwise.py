@@ -1,0 +1,245 @@
+"""What drives say they count in (0x60A8 to 0x60AA): refused, or moved at the speed asked for."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from drivers import objects as od
+from drivers.drive import unit
+from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
+from drivers.settings import AxisSettings
+from drivers.stage import Stage
+from hil_sim.bus import World
+from hil_sim.cia301 import key
+from hil_sim.stage import VirtualStage
+from stagectl.cli import cli
+from stagectl.config import driver_settings, parse_machine, stage_settings
+from stagectl.config.machine import Machine
+from stagectl.errors import RunFault
+from tests.short_recipe import short_recipe
+
+_names = (f"otherwise-{n}" for n in itertools.count())
+START = (-5e-3, -4e-3)
+VELOCITY, ACCELERATION = key(0x60A9), key(0x60AA)
+RPM, RPM_PER_SECOND = 0x00B44700, 0x00C00300
+MICROMETRES, MILLIMETRES, MILLIMETRES_PER_MINUTE = 0xFA010300, 0xFD010300, 0xFD014700
+OPERATION_ENABLED = 0x04
+
+
+class Drives:
+    """Virtual drives that are switched on, and what they say they count in.
+
+    Args:
+        machine: of the drives.
+        says: values of their objects by key; None: the drives lack it.
+    """
+
+    def __init__(self, machine: Machine, says: dict[int, int | None]) -> None:
+        self.machine, self.world = machine, World(next(_names))
+        self.stage = VirtualStage(stage_settings(machine), seed=1, start=START)
+        self.stage.attach(self.world)
+        self.was_enabled = False
+        for drive in self.stage.drives:
+            for place, value in says.items():
+                if value is None:
+                    del drive.dictionary.variables[place]
+                else:
+                    drive.dictionary.values[place] = value
+            act = drive.dictionary.on_write[key(0x6040)]
+            drive.dictionary.on_write[key(0x6040)] = lambda word, act=act: self._see(word, act)
+
+    def _see(self, word: int, act: Callable[[int], object]) -> object:
+        self.was_enabled |= word & 0x8F == 0x0F
+        return act(word)
+
+    def open(self, tap: Callable[[int, int, bytes], object] | None = None) -> Stage:
+        bus, axes = driver_settings(self.machine)
+        return Stage.open(replace(bus, interface="lockstep", channel=self.world.name), axes, tap)
+
+    @property
+    def positions(self) -> np.ndarray:
+        return np.array([d.dictionary.integer(key(0x6064)) for d in self.stage.drives])
+
+
+def with_units(machine: Machine, **units: str) -> Machine:
+    """The machine with these units written in both drive sections."""
+    lines = "".join(f"{name}: {value}\n      " for name, value in units.items())
+    text = machine.text
+    for rated in ("rated_force: 40.0", "rated_force: 60.0"):
+        text = text.replace(rated, lines + rated)
+    return parse_machine(text, "units.yaml")
+
+
+@pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
+@pytest.mark.parametrize(
+    ("says", "line"),
+    [
+        (
+            {VELOCITY: RPM, ACCELERATION: RPM_PER_SECOND},
+            "axis x: 0x60A9:00 SI unit velocity: says 0x00B44700: revolutions per minute; a linear "
+            "axis cannot use it for velocity",
+        ),
+        (
+            {ACCELERATION: None},
+            "axis x: 0x60AA:00 SI unit acceleration: the drive does not say what it counts "
+            "acceleration in; the machine file must: add acceleration_unit: 1e-06 to its drive "
+            "section if it is 1e-06 m/s^2",
+        ),
+    ],
+    ids=["rpm", "nothing"],
+)
+def test_commands_refuse_before_power(
+    command: str, says: dict[int, int | None], line: str, stage_machine: Machine, tmp_path: Path
+) -> None:
+    drives = Drives(stage_machine, says)
+    before = drives.positions
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text(short_recipe((0.01, 0.0)), encoding="utf-8")
+    arguments = {
+        "jog": ["x", "2mm", "--velocity", "5mm/s"],
+        "home": [],
+        "enable": ["--hold", "0.1"],
+        "run": [str(recipe), "--out", str(tmp_path / "out"), "--compensation", "none"],
+    }[command]
+    done = CliRunner().invoke(cli, [command, *arguments, "--bus", f"lockstep:{drives.world.name}"])
+    assert isinstance(done.exception, RunFault), done.output
+    assert done.exception.exit_code == 3
+    assert str(done.exception) == line
+    assert not drives.was_enabled
+    np.testing.assert_allclose(drives.positions, before, atol=20)
+
+
+RATES = [
+    ({"velocity_unit": "1 um/s", "acceleration_unit": "1 mm/s^2"}, {}),
+    ({"velocity_unit": "1 mm/s", "acceleration_unit": "1 mm/s^2"}, {}),
+    (
+        {"velocity_unit": "0.016666666667 mm/s", "acceleration_unit": "1 mm/s^2"},
+        {VELOCITY: MILLIMETRES_PER_MINUTE},
+    ),
+    # a unit that the drive does not state, but the machine file does
+    (
+        {"velocity_unit": "3 um/s", "acceleration_unit": "7 um/s^2"},
+        {VELOCITY: None, ACCELERATION: None},
+    ),
+]
+
+
+@pytest.mark.parametrize(("units", "says"), RATES, ids=["um/s", "mm/s", "mm/min", "machine file"])
+def test_moves_have_the_speed_asked_for(
+    units: dict[str, str], says: dict[int, int | None], stage_machine: Machine
+) -> None:
+    drives = Drives(with_units(stage_machine, **units), says)
+    with drives.open() as stage:
+        stage.boot()
+        stage.check_profile_position("x")
+        stage.home()
+        stage.enable()
+        start = drives.world.now_ns
+        stage.move_to("x", stage.targets[0] + 10e-3, velocity=0.02, acceleration=1.0)
+        taken = (drives.world.now_ns - start) * 1e-9
+        assert taken == pytest.approx(10e-3 / 0.02 + 0.02 / 1.0, abs=0.1)
+        for axis, drive in zip(stage.axes, drives.stage.drives, strict=True):
+            held_by(drive.dictionary.integer, axis.settings)
+
+
+def held_by(integer: Callable[[int], int], axis: AxisSettings) -> None:
+    """The drive holds the settings, in the units that it counts in."""
+    for ref, value in (
+        (od.QUICK_STOP_DECELERATION, axis.acceleration),
+        (od.FOLLOWING_ERROR_WINDOW, axis.following_error),
+        (od.FOLLOWING_ERROR_TIMEOUT, axis.following_error_time),
+        (od.POSITION_WINDOW, axis.position_window),
+        (od.MAX_FORCE, axis.peak_force),
+        (od.SOFT_LIMIT_LOW, axis.travel[0]),
+        (od.SOFT_LIMIT_HIGH, axis.travel[1]),
+        (od.HOMING_SEARCH_SPEED, axis.homing_velocity[0]),
+        (od.HOMING_INDEX_SPEED, axis.homing_velocity[1]),
+        (od.HOMING_ACCELERATION, 1.0),
+    ):
+        held = integer(key(ref.index, ref.sub)) * unit(axis, ref)
+        assert held == pytest.approx(value, abs=unit(axis, ref) / 2), str(ref)
+
+
+def test_a_drive_that_says_another_unit_than_the_machine_file_is_refused(
+    stage_machine: Machine,
+) -> None:
+    drives = Drives(stage_machine, {VELOCITY: MICROMETRES})
+    with (
+        drives.open() as stage,
+        pytest.raises(
+            ConfigurationError,
+            match=r"0x60A9:00 .*one velocity unit is 1e-06 m/s, .* say 1e-09 m/s$",
+        ),
+    ):
+        stage.boot()
+    assert not drives.was_enabled
+
+
+def test_a_rotary_axis_counts_angles(stage_machine: Machine) -> None:
+    text = stage_machine.text.replace("node: 1\n", "node: 1\n    rotary: true\n")
+    drives = Drives(parse_machine(text, "rotary.yaml"), {})
+    x, y = (d.dictionary.integer(VELOCITY) & 0xFFFFFFFF for d in drives.stage.drives)
+    assert (x, y) == (0xF7100300, 0xF7010300)
+    with drives.open() as stage:
+        stage.boot()
+        assert stage.limitations == ()
+
+
+def test_whatever_is_written_has_a_quantity(stage_machine: Machine) -> None:
+    """Boot, homing, and all modes: each object that reaches a drive stands in `drivers.objects`."""
+    written: set[tuple[int, int]] = set()
+    mapped: set[int] = set()
+
+    def see(time: int, can_id: int, data: bytes) -> None:
+        if can_id & ~0x7F == 0x600 and data[0] >> 5 == 1:
+            index, sub, value = struct.unpack_from("<HBI", data, 1)
+            written.add((index, sub))
+            if 0x1600 <= index < 0x1800 and sub:
+                mapped.add(value >> 8)
+
+    units = {"velocity_unit": "1 um/s", "acceleration_unit": "1 mm/s^2"}
+    drives = Drives(with_units(stage_machine, **units), {})
+    bus, axes = driver_settings(drives.machine)
+    bus = replace(bus, interface="lockstep", channel=drives.world.name)
+    axes = tuple(
+        replace(
+            a,
+            homing_method=37,
+            following_error=2e-3,
+            travel=(-0.1, 0.1),
+            peak_force=a.peak_force / 2,
+        )
+        for a in axes
+    )
+    with Stage.open(bus, axes, see) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        stage.hold(0.02)
+        stage.move_to("x", stage.targets[0] + 1e-3, velocity=0.05, acceleration=1.0)
+        with stage.profile_moves(velocity=0.04, acceleration=0.9) as moves:
+            moves.to("y", 1e-3, relative=True)
+        stage.stream_velocity(np.zeros((20, 2)))
+        stage.stream_force(np.zeros((5, 2)))
+        stage.enable()
+        stage.halt()
+        stage.quick_stop()
+    known = {
+        (ref.index, ref.sub)
+        for ref in vars(od).values()
+        if isinstance(ref, ObjectRef) and ref.quantity is not None
+    }
+    pdo_setup = {place for place in written if 0x1400 <= place[0] < 0x1C00}
+    assert written - pdo_setup <= known
+    assert {divmod(entry, 0x100) for entry in mapped} <= known
+    assert len(written - pdo_setup) > 12
+    assert {entry >> 8 for entry in mapped} == {0x6040, 0x607A, 0x60B2, 0x60FF, 0x6071}

@@ -1,0 +1,181 @@
+"""Every object that the host writes, what it counts, and that nothing is written besides."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import drivers
+from drivers import objects as od
+from drivers.drive import Scale, counts, dimension, unit
+from drivers.drive.scaling import scale
+from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
+from drivers.settings import AxisSettings
+
+LENGTH, SPEED, RATE, FORCE = (2e-9, "m"), (3e-6, "m/s"), (5e-4, "m/s^2"), (0.05, "N")
+MILLISECONDS, MICROSECONDS, CODE = (1e-3, "s"), (1e-6, "s"), (1.0, "")
+
+WRITTEN = {
+    "0x607A:00": LENGTH,  # target position
+    "0x6065:00": LENGTH,  # following error window
+    "0x6066:00": MILLISECONDS,
+    "0x6067:00": LENGTH,  # position window
+    "0x6068:00": MILLISECONDS,
+    "0x607C:00": LENGTH,  # home offset
+    "0x607D:01": LENGTH,  # software limits
+    "0x607D:02": LENGTH,
+    "0x6081:00": SPEED,  # profile
+    "0x6083:00": RATE,
+    "0x6084:00": RATE,
+    "0x6085:00": RATE,  # quick stop
+    "0x6099:01": SPEED,  # homing
+    "0x6099:02": SPEED,
+    "0x609A:00": RATE,
+    "0x60FF:00": SPEED,  # target velocity
+    "0x6071:00": FORCE,  # target torque
+    "0x6072:00": FORCE,  # max torque
+    "0x60B2:00": FORCE,  # torque offset
+    "0x1006:00": MICROSECONDS,
+    "0x1007:00": MICROSECONDS,
+    "0x1017:00": MILLISECONDS,
+    "0x1005:00": CODE,
+    "0x1016:01": CODE,  # node id and milliseconds
+    "0x1019:00": CODE,
+    "0x6007:00": CODE,
+    "0x6040:00": CODE,
+    "0x605A:00": CODE,
+    "0x605B:00": CODE,
+    "0x605C:00": CODE,
+    "0x605D:00": CODE,
+    "0x605E:00": CODE,
+    "0x6060:00": CODE,
+    "0x6098:00": CODE,
+    "0x60C2:01": CODE,  # 10^index seconds
+    "0x60C2:02": CODE,
+}
+"""SI value and dimension of one unit on `AXIS`."""
+READ = {"0x6064:00": LENGTH, "0x606C:00": SPEED, "0x6077:00": FORCE}
+
+AXIS = AxisSettings(
+    name="x", node=1, eds=Path("x.eds"), rated_force=50.0, peak_force=100.0, travel=(-0.1, 0.1),
+    velocity=1.0, acceleration=10.0, jerk=1e3, following_error=1e-3, increment=2e-9,
+    velocity_unit=3e-6, acceleration_unit=5e-4,
+)  # fmt: skip
+OBJECTS = {str(o)[:9]: o for o in vars(od).values() if isinstance(o, ObjectRef)}
+
+
+def test_the_table_is_complete() -> None:
+    known = {place for place, ref in OBJECTS.items() if ref.quantity is not None}
+    assert known == set(WRITTEN) | set(READ)
+
+
+@pytest.mark.parametrize("place", [*WRITTEN, *READ])
+def test_each_object_has_its_unit(place: str) -> None:
+    size, si = (WRITTEN | READ)[place]
+    ref = OBJECTS[place]
+    assert unit(AXIS, ref) == pytest.approx(size, rel=1e-12)
+    assert dimension(AXIS, ref) == si
+    assert counts(AXIS, ref, 7.4 * size) == 7
+    assert counts(AXIS, ref, -7.6 * size) == -8
+
+
+def test_the_scale_of_process_data_is_that_of_its_objects() -> None:
+    assert scale(AXIS) == Scale(2e-9, 0.05)
+
+
+def test_a_rotary_axis_counts_angles_and_torques() -> None:
+    turning = replace(AXIS, rotary=True)
+    found = [dimension(turning, ref) for ref in (od.TARGET_POSITION, od.PROFILE_VELOCITY,
+             od.QUICK_STOP_DECELERATION, od.MAX_FORCE, od.CYCLE_PERIOD, od.MODE)]  # fmt: skip
+    assert found == ["rad", "rad/s", "rad/s^2", "N m", "s", ""]
+
+
+def test_an_object_without_a_quantity_has_no_unit() -> None:
+    with pytest.raises(
+        ConfigurationError, match=r"^axis x: 0x1018:01 vendor id: has no unit that the host knows$"
+    ):
+        counts(AXIS, od.VENDOR_ID, 1.0)
+
+
+# -- the code ---------------------------------------------------------------------------------
+
+WRITERS = {
+    "write", "write_checked", "write_optional", "write_if_accepted", "write_unanswered", "_kept",
+    "_parameter", "_write_option", "counts",
+}  # fmt: skip
+"""Functions that write the object given to them, or make the value of it."""
+FORWARDED = {
+    # what the writers themselves are given
+    ("canopen/remote_objects.py", "obj"), ("canopen/remote_objects.py", "obj.index"),
+    ("canopen/pdo.py", "ref"), ("canopen/pdo.py", "cob"), ("canopen/pdo.py", "count"),
+    ("canopen/pdo.py", "kind"),  # numbered here, all of them codes
+    ("drive/dcf.py", "ref"),  # a DCF's integers are written as they are
+    ("drive/host_loss.py", "obj"),  # of _kept
+    ("drive/parameters.py", "ref"), ("drive/parameters.py", "wanted.object"),  # of its tables,
+    ("drive/parameters.py", "*row"),  # of which all objects are looked at
+    ("drive/scaling.py", "ref"),
+    ("drive/axis.py", "target"),  # a cyclic target, at 0
+    ("cyclic/cycle.py", "values"),  # samples, not an object
+}  # fmt: skip
+"""Objects that a writer gets from its caller or a table, by module and name."""
+SOURCES = sorted(
+    path
+    for path in Path(drivers.__file__).parent.rglob("*.py")
+    # `stagectl check` knows no units: it writes back what the drive holds, or settings at rest,
+    # and puts them back
+    if "conformance" not in path.parts
+)
+
+
+def _written(path: Path) -> Iterator[tuple[str, ast.expr]]:
+    """Per call of a writer: where it is, and the object given to it."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        if name not in WRITERS:
+            continue
+        objects = [a for a in node.args[:2] if not isinstance(a, ast.Constant)]
+        named = [a for a in objects if ast.unparse(a).startswith("od.")]
+        passed = [a for a in objects if ast.unparse(a) not in ("node", "axis", "settings", "s")]
+        for found in (named or passed)[:1]:
+            yield f"{path.parent.name}/{path.name}", found
+
+
+def _all_objects(path: Path) -> Iterator[tuple[str, ast.expr]]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Attribute) and ast.unparse(node).startswith("od."):
+            yield f"{path.parent.name}/{path.name}", node
+
+
+def test_the_host_writes_nothing_but_what_is_in_the_table() -> None:
+    seen = 0
+    for path in SOURCES:
+        calls = _all_objects(path) if path.name == "parameters.py" else ()
+        for place, written in (*_written(path), *calls):
+            text = ast.unparse(written)
+            if text.startswith("od."):
+                ref = getattr(od, text.removeprefix("od."))
+                assert str(ref)[:9] in WRITTEN, f"{place} writes {ref}, which is not in the table"
+                seen += 1
+            else:
+                passed = (place, text) in FORWARDED
+                assert passed, f"{place} writes {text}: which object is that, and in which unit?"
+    assert seen > 15
+
+
+@pytest.mark.parametrize("name", ["velocity_unit_si", "acceleration_unit_si", "rated_force"])
+def test_units_become_integers_in_one_place(name: str) -> None:
+    users = {
+        f"{path.parent.name}/{path.name}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == name
+    }
+    # settings check their range, `units` compares the rated force in mN
+    assert users <= {"drivers/settings.py", "drive/scaling.py", "drive/units.py"}
