@@ -58,7 +58,8 @@ def cli() -> None:
     See what a recipe would do:
       stagectl run recipes/inspection-20.yaml --dry-run
 
-    Every command has its own --help. All quantities are in SI units.
+    Every command has its own --help. All quantities are in SI units. An output replaces a file of
+    another kind only with --overwrite, and never an input.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
 
 

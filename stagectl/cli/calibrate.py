@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for
+from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     JSON_OUT,
     RECIPE,
@@ -36,15 +37,15 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 @click.argument("sites", type=RECIPE)
 @click.option("--due", is_flag=True, help="Only sites that are due by the limits in SITES.")
 @stage_options
-@click.option("--history", metavar="FILE|URL", help="As for 'stagectl run'.")
+@click.option("--history", type=HistoryFile(), help="As for 'stagectl run'.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OutputFolder(),
     help="Folder for recording, summary, report and bus log.  [default: runs/NAME-TIME]",
 )
 @click.option(
     "--resume",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=InputFolder(),
     metavar="RUN",
     help="Continue the interrupted calibration in this folder.",
 )

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for, join_phases, progress_bar
-from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
+from stagectl.cli.file_kinds import PAGE
+from stagectl.cli.files import Output
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -50,10 +52,12 @@ if TYPE_CHECKING:
 @click.option(
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
 )
-@click.option("--lines", type=OUTPUT, help="Append each trial here; skip trials it already holds.")
+@click.option(
+    "--lines", type=Output(), help="Append each trial here; skip trials it already holds."
+)
 @click.option("--label", default="", help="Version that is tested, as --lines and --docs name it.")
 @JSON_OUT
-@click.option("--docs", type=OUTPUT, help="Write a Markdown page on all trials in --lines.")
+@click.option("--docs", type=Output(PAGE), help="Write a Markdown page on all trials in --lines.")
 def blind(
     trials: int,
     seed: int,
@@ -199,6 +203,7 @@ def _conclude(
 ) -> None:
     """Print and write the scores of this check; the page covers all lines."""
     from sim2real.blind import score_outcomes, table_rows, write_page
+    from stagectl.store import write_atomically
 
     counted = score_outcomes(outcomes)
     if not is_json_on_stdout(json_out):
@@ -221,4 +226,4 @@ def _conclude(
             if given:
                 count = sum(bool(line.get(option)) for line, _ in lines)
                 facts[f"with --{option} {', '.join(given)}"] = f"{count} of the trials"
-        docs.write_text(write_page(everything, facts), encoding="utf-8")
+        write_atomically(docs, write_page(everything, facts), "page")

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.console import console_for, join_phases, progress_bar
+from stagectl.cli.file_kinds import HTML, MACHINE_FILE, RECIPE_FILE
+from stagectl.cli.files import Output
 from stagectl.cli.gap_measure import gap_table, machine_of
-from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -49,16 +51,16 @@ _VERDICTS = {
     metavar="REC.h5",
     help="Judge the causes on this recording too, which takes no part in finding them; repeatable.",
 )
-@click.option("--html", "html_out", type=OUTPUT, help="Write the report as an HTML page.")
+@click.option("--html", "html_out", type=Output(HTML), help="Write the report as an HTML page.")
 @click.option(
     "--twin",
-    type=OUTPUT,
+    type=Output(MACHINE_FILE),
     help="Write the machine file with the causes found added, and a table of what none explains.",
 )
 @click.option(
     "--next",
     "next_out",
-    type=OUTPUT,
+    type=Output(RECIPE_FILE),
     help="Write a recipe of the moves that would settle most open questions.",
 )
 @click.option(
@@ -172,7 +174,7 @@ def diagnose(
             )
     # After the report: if one of them cannot be written, the diagnosis is not lost.
     if next_out is not None and report.next_experiment is not None:
-        next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
+        write_atomically(next_out, _recipe(report.next_experiment), "recipe")
     if twin is not None and has_twin:
         _write_twin(twin, model, found, examined.settings)
 
@@ -196,6 +198,7 @@ def _similarity(found: Diagnosis) -> dict[str, Pairs]:
 def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageSettings) -> None:
     """Write the twin: causes with the figures fitted beside them, and what none explains."""
     from stagectl.config.machine.twin import render_twin
+    from stagectl.store import write_atomically
 
     effects: dict[str, list[tuple[str, dict[str, Value]]]] = {}
     plant = {axis: dict(figures) for axis, figures in found.plant.items()}
@@ -220,7 +223,7 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
             f"{figure.figure} of {figure.axis}: {value:.4g} {figure.unit} fitted; the machine file "
             f"leaves it unknown."
         )
-    path.write_text(render_twin(machine, effects, plant, comments), encoding="utf-8")
+    write_atomically(path, render_twin(machine, effects, plant, comments), "machine file")
 
 
 def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict[str, float]:

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import click
 
-from stagectl.cli.options import FILE, OUTPUT
+from stagectl.cli.file_kinds import RECIPE_FILE
+from stagectl.cli.files import Output
+from stagectl.cli.options import FILE
 
 
 @click.command("excite")
 @click.option("--machine", type=FILE, help="Machine file.  [default: the reference stage]")
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this axis; repeatable.")
-@click.option("--out", type=OUTPUT, default=Path("excite.yaml"), show_default=True)
+@click.option("--out", type=Output(RECIPE_FILE), default=Path("excite.yaml"), show_default=True)
 def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
     """Write a recipe whose recording tells physical effects apart.
 
@@ -26,6 +28,7 @@ def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
     from stagectl.config import load_machine, stage_settings
     from stagectl.errors import UnusableInput
     from stagectl.recipe import dry_run, parse_recipe
+    from stagectl.store import write_atomically
 
     model = load_machine(machine)
     for name in axes:
@@ -36,5 +39,5 @@ def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
         recipe, sort_keys=False, default_flow_style=None
     )
     seconds = dry_run(parse_recipe(text, str(out), model), model).duration
-    out.write_text(text, encoding="utf-8")
+    write_atomically(out, text, "recipe")
     click.echo(f"{out}: {len(recipe['moves'])} entries, at least {seconds:.0f} s")

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import click
 
-from stagectl.cli.options import FILE, OUTPUT
+from stagectl.cli.file_kinds import RECORDING
+from stagectl.cli.files import Output, check_output
+from stagectl.cli.options import FILE
 
 
 @click.command("import")
 @click.argument("data", type=FILE)
 @click.option("--map", "how", type=FILE, required=True, help="Map of columns to channels (YAML).")
-@click.option("--out", type=OUTPUT, help="Recording to write.  [default: DATA.h5 in this folder]")
+@click.option(
+    "--out", type=Output(RECORDING), help="Recording to write.  [default: DATA.h5 in this folder]"
+)
 def import_data(data: Path, how: Path, out: Path | None) -> None:
     """Convert data of another program into a recording that the other gap commands read.
 
@@ -25,8 +29,7 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
     from stagectl.store import write_recording
 
     target = Path(f"{data.stem}.h5") if out is None else out
-    if target.exists() and target.samefile(data):
-        raise click.UsageError(f"{target} is the data itself: name the recording with --out")
+    check_output(target, RECORDING)
     columns, machine = load_map(how)
     recording = import_recording(data, columns, machine)
     write_recording(recording, target)

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
+from stagectl.cli.files import HistoryFile
 from stagectl.cli.lazy import LazyGroup
+from stagectl.cli.options import FILE
 
 COMMANDS = {
     "import": ("stagectl.cli.history:import_run", "Add a run's estimates to its history."),
@@ -19,9 +21,9 @@ def command() -> None:
 
 
 @click.command("import")
-@click.argument("run", type=click.Path(path_type=Path))
+@click.argument("run", type=FILE)
 @click.option(
-    "--history", metavar="FILE|URL", help="Import into this one.  [default: the run's own]"
+    "--history", type=HistoryFile(), help="Import into this one.  [default: the run's own]"
 )
 def import_run(run: Path, history: str | None) -> None:
     """Import the estimates of RUN, a run's folder, that are missing in its history.

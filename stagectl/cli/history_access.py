@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.files import HistoryFile
+
 if TYPE_CHECKING:
     from stagectl.history import History, StageKey
     from stagectl.maps import MapVersion
@@ -63,7 +65,7 @@ def history_options(command: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--history",
-            metavar="FILE|URL",
+            type=HistoryFile(),
             help=f"Friction history to read.  [default: {' or '.join(DEFAULT_FILES)}]",
         ),
     ):

@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from stagectl.cli.files import guarded
+
 
 class LazyGroup(click.Group):
     """A group that imports its commands on demand.
@@ -36,7 +38,7 @@ class LazyGroup(click.Group):
         return list(self._lazy)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the command."""
+        """Import the command; its outputs are checked before it starts."""
         if cmd_name not in self._lazy:
             near = get_close_matches(cmd_name, self._lazy, 1)
             if near and not ctx.resilient_parsing:
@@ -44,7 +46,7 @@ class LazyGroup(click.Group):
             return None
         module, _, attribute = self._lazy[cmd_name][0].partition(":")
         command: click.Command = getattr(import_module(module), attribute or "command")
-        return command
+        return guarded(command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""

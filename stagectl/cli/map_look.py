@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from stagectl.cli.console import console_for
+from stagectl.cli.file_kinds import HTML, TABLE
+from stagectl.cli.files import Output
 from stagectl.cli.history_access import (
     OpenHistory,
     has_estimates,
@@ -14,13 +16,15 @@ from stagectl.cli.history_access import (
     history_options,
     select_version,
 )
-from stagectl.cli.options import JSON_OUT, OUTPUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 
 @click.command("show")
 @click.argument("number", type=int, required=False)
 @history_options
-@click.option("--html", type=OUTPUT, help="Write heat maps, trends and changes as an HTML page.")
+@click.option(
+    "--html", type=Output(HTML), help="Write heat maps, trends and changes as an HTML page."
+)
 @click.option("--at", nargs=2, type=float, metavar="X Y", help="Also print the map's value at [m].")
 @JSON_OUT
 def show(
@@ -83,7 +87,7 @@ def compare(open_history: OpenHistory, old: int, new: int, json_out: Path | None
 
 
 @click.command("export")
-@click.argument("out", type=OUTPUT)
+@click.argument("out", type=Output(TABLE))
 @click.option("--number", type=int, help="Version.  [default: the one in use, else the latest]")
 @click.option(
     "--what",

@@ -11,12 +11,15 @@ from typing import Any
 
 import click
 
+from stagectl.cli.file_kinds import JSON
+from stagectl.cli.files import Input, Output, check_output
+
 DATA = Path(__file__).parents[1] / "data"
-FILE = click.Path(path_type=Path, dir_okay=True)
-"""A file to read. Whoever reads it checks that it can be read, and has the better message."""
+FILE = Input()
+"""A file to read."""
 
 
-class _Packaged(click.Path):
+class _Packaged(Input):
     """A file to read, or one of those that come with the program.
 
     Args:
@@ -24,7 +27,7 @@ class _Packaged(click.Path):
     """
 
     def __init__(self, folder: str) -> None:
-        super().__init__(path_type=Path, dir_okay=True)
+        super().__init__()
         self._folder = folder
 
     def convert(
@@ -48,41 +51,7 @@ RECIPE = _Packaged("recipes")
 """A recipe or calibration file."""
 
 
-class _Output(click.Path):
-    """A file to write, checked before a long computation rather than after it.
-
-    Args:
-        standard: whether `-` stands for standard output.
-    """
-
-    def __init__(self, standard: bool = False) -> None:
-        super().__init__(path_type=Path)
-        self._standard = standard
-
-    def convert(
-        self,
-        value: str | os.PathLike[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | bytes | os.PathLike[str]:
-        """Check that its folder exists and that it can be written."""
-        path = Path(value)
-        if str(path) == "-":
-            if not self._standard:
-                self.fail("cannot be written to standard output: name a file", param, ctx)
-            return path
-        if path.is_dir():
-            self.fail(f"{path}: is a directory", param, ctx)
-        if not path.absolute().parent.is_dir():
-            self.fail(f"{path}: there is no folder {path.parent}", param, ctx)
-        if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-            self.fail(f"{path}: cannot be written", param, ctx)
-        return path
-
-
-OUTPUT = _Output()
-"""A file to write."""
-JSON_FILE = _Output(standard=True)
+JSON_FILE = Output(JSON, standard=True)
 """A file to write JSON to; `-` is standard output."""
 
 JSON_OUT = click.option(
@@ -162,4 +131,7 @@ def write_json(values: Any, path: Path | None) -> None:
     if is_json_on_stdout(path):
         click.echo(text, nl=False)
     else:
-        path.write_text(text, encoding="utf-8")
+        from stagectl.store import write_atomically
+
+        check_output(path, JSON)
+        write_atomically(path, text, "JSON")

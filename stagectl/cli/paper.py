@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for, progress_bar
-from stagectl.cli.options import JSON_OUT, OUTPUT, is_json_on_stdout, write_json
+from stagectl.cli.file_kinds import PAGE
+from stagectl.cli.files import Output
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 @click.command
 @JSON_OUT
 @click.option(
-    "--out", type=OUTPUT, help="Write a Markdown page, and its plots to images/ next to it."
+    "--out", type=Output(PAGE), help="Write a Markdown page, and its plots to images/ next to it."
 )
 @click.option("--quick", is_flag=True, help="Fewer noisy runs, no sensitivity study.")
 @click.option("--rate", default=20_000, show_default=True, help="Sampling rate [Hz].")

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import click
 
+from stagectl.cli.files import InputFolder
+
 
 @click.command
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
+@click.argument("folder", type=InputFolder(exists=True))
 def command(folder: Path) -> None:
     """Convert the journal that a killed run left in FOLDER into its recording.h5.
 

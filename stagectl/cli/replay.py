@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.files import InputFolder
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command
-@click.argument("run", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("run", type=InputFolder())
 @JSON_OUT
 def command(run: Path, json_out: Path | None) -> None:
     """Rerun the host on the bus log in folder RUN and report the first frame that differs.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.console import console_for
+from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     FILE,
     JSON_OUT,
@@ -60,12 +61,12 @@ DEFAULT_BUDGET = 5.0
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OutputFolder(),
     help="Folder for recording, summary, report and bus log.  [default: runs/RECIPE-TIME]",
 )
 @click.option(
     "--resume",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=InputFolder(),
     metavar="RUN",
     help="Continue the interrupted run in folder RUN after its last finished site.",
 )
@@ -78,6 +79,7 @@ DEFAULT_BUDGET = 5.0
 )
 @click.option(
     "--history",
+    type=HistoryFile(),
     metavar="FILE|URL|none",
     help="Friction history to write to.  [default: stage.db next to the run's folder; none for "
     "--simulate with --out; on a real stage, what the machine file names]",
@@ -163,11 +165,6 @@ def command(
     plan = None if faults is None else load_faults(faults, believed, seed)
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
-    if resume is not None and folder.resolve() == resume.resolve():
-        raise click.BadParameter(
-            f"{folder}: holds the run to continue; the continuation needs its own folder",
-            param_hint="--out",
-        )
     resumed = None
     if resume is not None:
         from stagectl.run import load_interrupted

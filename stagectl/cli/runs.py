@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from stagectl.cli.files import InputFolder
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ _OUTCOME, _FOLDER, _COMMENT = 16, 40, 24
 
 
 @click.command
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False), default=Path("runs"))
+@click.argument("folder", type=InputFolder(), default=Path("runs"))
 @JSON_OUT
 def command(folder: Path, json_out: Path | None) -> None:
     """List the runs in FOLDER [runs], oldest first: when, what, on which wafer, by whom, outcome.

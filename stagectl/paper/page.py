@@ -13,6 +13,7 @@ from stagectl.paper.published import PARAMETERS, TABLES, Printed
 from stagectl.paper.sensitivity import Row
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import ALIGNMENTS, Case, error
+from stagectl.store.atomic import write_atomically
 
 MOVE_PLOT, ZONES_PLOT = "images/paper-move.svg", "images/paper-zones.svg"
 _INITIAL = {
@@ -25,10 +26,10 @@ METHOD_NAMES = {"one_window": "one window", "two_windows": "two windows"}
 
 def write(study: Study, path: Path) -> None:
     """Write the page, and its plots into `images/` beside it."""
-    path.write_text(render(study), encoding="utf-8")
+    write_atomically(path, render(study), "page")
     (path.parent / "images").mkdir(exist_ok=True)
-    (path.parent / MOVE_PLOT).write_text(plots.move(study), encoding="utf-8")
-    (path.parent / ZONES_PLOT).write_text(plots.zones(study), encoding="utf-8")
+    write_atomically(path.parent / MOVE_PLOT, plots.move(study), "plot")
+    write_atomically(path.parent / ZONES_PLOT, plots.zones(study), "plot")
 
 
 def render(study: Study) -> str:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from stagectl.errors import UnusableInput, failure_to_write
+from stagectl.store.atomic import create_anew
 from stagectl.store.frame_spool import (
     FRAME,
     HEAD,
@@ -134,7 +135,7 @@ def _convert(parts: list[Path], targets: list[Path], zone: tzinfo | None) -> str
 @contextmanager
 def _create(target: Path) -> Iterator[BinaryIO]:
     """The unfinished file of a log, compressed where its name says so."""
-    with _unfinished(target).open("wb") as file:
+    with create_anew(_unfinished(target)) as file:
         if target.suffix != ".gz":
             yield file
             return

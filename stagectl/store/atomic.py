@@ -5,8 +5,20 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from stagectl.errors import failure_to_write
+
+
+def create_anew(path: Path, buffering: int = -1) -> BinaryIO:
+    """Create a file for writing in place of what is there; a link is replaced, never followed.
+
+    Raises:
+        OSError: it cannot be created, or somebody else created it at the same time.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    return os.fdopen(os.open(path, flags, 0o666), "wb", buffering)
 
 
 def write_atomically(
@@ -27,7 +39,7 @@ def write_atomically(
     if path.exists() and not path.is_file():
         part = path  # a device or a pipe must not be replaced
     try:
-        with part.open("wb") as file:
+        with part.open("wb") if part == path else create_anew(part) as file:
             file.write(content.encode("utf-8") if isinstance(content, str) else content)
             if durable and part != path:
                 file.flush()

@@ -22,6 +22,7 @@ from queue import SimpleQueue
 from typing import Any, BinaryIO, cast
 
 from stagectl.errors import UnusableInput, failure_to_write
+from stagectl.store.atomic import create_anew
 
 PART_FRAMES = 1 << 21
 """Frames in a part: about 7 minutes of two axes at 1 kHz, 44 MB."""
@@ -119,7 +120,7 @@ class FrameSpool:
         self._left = self._part_frames - self._ahead
 
     def _open(self, path: Path) -> BinaryIO:
-        file = path.open("wb", buffering=1 << 16)
+        file = create_anew(path, 1 << 16)
         file.write(self._head)
         return file
 
@@ -207,7 +208,7 @@ def _compress(full: BinaryIO, part: Path) -> None:
     target = _packed(part)
     making = target.with_name(f"{target.name}.part")
     try:
-        with part.open("rb") as frames, making.open("wb") as file:
+        with part.open("rb") as frames, create_anew(making) as file:
             with gzip.GzipFile("", "wb", 1, file, 0) as packed:
                 shutil.copyfileobj(frames, packed, _BLOCK)
         making.replace(target)

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import UnusableInput
 from stagectl.history import History, RunEntry, StageKey
 from stagectl.maps.model import MapVersion
+from stagectl.store import write_atomically
 
 _ALL = 10**9
 Cell = str | float | int | bool | None
@@ -144,10 +145,7 @@ def write_table(table: Table, path: Path) -> None:
         data = _parquet(table)
     else:
         raise UnusableInput(f"{path}: write .csv or .parquet")
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
+    write_atomically(path, data, "table")
 
 
 def iso(time: float) -> str:

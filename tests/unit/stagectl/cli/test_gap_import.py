@@ -17,7 +17,7 @@ def test_data_of_the_recordings_suffix_are_not_overwritten(columns, tmp_path, mo
             file[name] = values
     refused = CliRunner().invoke(import_data, ["log.h5", "--map", "map.yaml"])
     assert refused.exit_code == 2
-    assert "log.h5 is the data itself" in refused.output
+    assert "log.h5: is DATA itself" in refused.output
     arguments = ["log.h5", "--map", "map.yaml", "--out", "recorded.h5"]
     done = CliRunner().invoke(import_data, arguments)
     assert done.exit_code == 0, done.output

@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from stagectl.cli import cli
-from stagectl.cli.options import JSON_FILE, OUTPUT, NumberRange
+from stagectl.cli.files import Output
+from stagectl.cli.options import JSON_FILE, NumberRange
 
 
 @pytest.mark.parametrize(
@@ -45,7 +46,7 @@ def test_output_files_are_checked_before_the_work(tmp_path: Path) -> None:
         (tmp_path / "none" / "a.html", "there is no folder"),
     ):
         with pytest.raises(click.BadParameter, match=why):
-            OUTPUT.convert(value, None, None)
+            Output().convert(value, None, None)
 
 
 def test_nothing_but_json_goes_to_standard_output() -> None:

@@ -27,6 +27,15 @@ def test_a_failed_write_names_the_file_and_keeps_the_old_one(tmp_path):
     assert (tmp_path / "page").read_text() == "old"
 
 
+def test_a_link_beside_it_is_replaced_and_never_followed(tmp_path):
+    precious, path = tmp_path / "precious", tmp_path / "page"
+    precious.write_text("mine")
+    (tmp_path / "page.part").symlink_to(precious)
+    write_atomically(path, "new", "page")
+    assert (precious.read_text(), path.read_text()) == ("mine", "new")
+    assert not path.is_symlink()
+
+
 def test_a_folder_is_not_replaced(tmp_path):
     with pytest.raises(StagectlError, match="Is a directory"):
         write_atomically(tmp_path, "", "page")

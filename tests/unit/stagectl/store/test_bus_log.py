@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import BusLog, recover_log
+from tests.unit.stagectl.store.full_disk import REASON, full_after
 
 STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
 
@@ -109,29 +110,39 @@ def test_other_files_are_refused(tmp_path: Path):
 def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path):
     with pytest.raises(StagectlError, match="cannot create"):
         BusLog(tmp_path / "absent" / "bus.asc", STARTED)
-    (tmp_path / "bus.frames").symlink_to("/dev/full")
-    log = BusLog(tmp_path / "bus.asc", STARTED)
-    with pytest.raises(StagectlError, match="No space left"):
-        log.close()
+    with full_after(10):
+        log = BusLog(tmp_path / "bus.asc", STARTED)
+        with pytest.raises(StagectlError, match=REASON):
+            log.close()
+
+
+@pytest.mark.parametrize("name", ["bus.frames", "bus.asc.part"])
+def test_a_link_in_the_way_is_replaced_and_never_followed(tmp_path: Path, name: str):
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    (tmp_path / name).symlink_to(precious)
+    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+        log.tap(0, 0x181, b"\x01")
+    assert log.failure is None
+    assert precious.read_text() == "mine"
+    assert len(read(tmp_path / "bus.asc")) == 1
 
 
 def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path: Path):
     """The tap sees a quick stop before the bus does: it must not raise."""
-    (tmp_path / "bus.frames").symlink_to("/dev/full")
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+    with full_after(10), BusLog(tmp_path / "bus.asc", STARTED) as log:
         for k in range(20_000):  # many times the buffer
             log.tap(k, 0x181, b"\x01")
     assert log.failure is not None
-    assert "bus.frames: cannot write: No space left" in log.failure
+    assert f"bus.frames: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
 
 
 def test_a_full_disk_at_the_end_keeps_the_spool_only(tmp_path: Path):
-    (tmp_path / "bus.asc.part").symlink_to("/dev/full")
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+    with full_after(64), BusLog(tmp_path / "bus.asc", STARTED) as log:
         log.tap(0, 0x181, b"\x01")
     assert log.failure is not None
-    assert "bus.asc: cannot write: No space left" in log.failure
+    assert f"bus.asc: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
     assert recover_log(tmp_path) == tmp_path / "bus.asc"
 

@@ -1,0 +1,155 @@
+"""Every command: an output is no input, and replaces a file of another kind only when asked."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from stagectl.cli import cli
+from stagectl.cli.file_kinds import ANY, HTML, JSON, MACHINE_FILE, PAGE, RECIPE_FILE, TABLE
+from stagectl.cli.files import HistoryFile, Input, InputFolder, NamesFile, Output, OutputFolder
+from stagectl.cli.lazy import LazyGroup
+from stagectl.cli.options import DATA
+
+
+def commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    """All commands, with the words that call them."""
+    pending: list[tuple[tuple[str, ...], LazyGroup]] = [((), cli)]
+    while pending:
+        words, group = pending.pop()
+        context = click.Context(group)
+        for name in group.list_commands(context):
+            command = group.get_command(context, name)
+            if isinstance(command, LazyGroup):
+                pending.append(((*words, name), command))
+            elif command is not None:
+                yield (*words, name), command
+
+
+def call(words: tuple[str, ...], command: click.Command, given: dict[str, str]) -> tuple[int, str]:
+    """Exit code and error of a command; what else it requires gets a value, too."""
+    options, arguments = [], []
+    for param in command.params:
+        name = param.name or ""
+        if name not in given and not param.required:
+            continue
+        value = given.get(name, "1" if isinstance(param.type, click.types.IntParamType) else "else")
+        if isinstance(param, click.Option):
+            options += [param.opts[0], value]
+        else:
+            arguments.append(value)
+    done = CliRunner().invoke(cli, [*words, *options, "--", *arguments])
+    return done.exit_code, " ".join((done.output + done.stderr).split())
+
+
+def test_every_parameter_that_names_a_file_says_what_it_is_for() -> None:
+    for words, command in commands():
+        for param in command.params:
+            named = isinstance(param.type, click.Path | click.File) or any(
+                word in f"{param.metavar} {param.name}".upper() for word in ("FILE|", "HISTORY")
+            )
+            assert not named or isinstance(param.type, NamesFile), (words, param.name)
+
+
+def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> None:
+    """Under the same name, through a link, and through a second name of the same file."""
+    monkeypatch.chdir(tmp_path)
+    Path("else").mkdir()
+    Path("file").write_text("precious")
+    Path("link").symlink_to("file")
+    os.link("file", "second")
+    tried = 0
+    for words, command in commands():
+        outputs = [p for p in command.params if isinstance(p.type, Output)]
+        for out in outputs:
+            for other in command.params:
+                if other is out or not isinstance(other.type, Input | HistoryFile | Output):
+                    continue
+                for name in ("file", "link", "second"):
+                    pair = {str(other.name): "file", str(out.name): name}
+                    code, said = call(words, command, pair)
+                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+                    tried += 1
+    assert tried > 100
+    assert Path("file").read_text() == "precious"
+
+
+def test_no_command_replaces_a_file_of_another_kind(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("else").mkdir()
+    Path("notes.csv").write_text("Remember: the key is under the mat\n")
+    for words, command in commands():
+        for out in command.params:
+            if isinstance(out.type, Output) and out.type.kind is not ANY:
+                code, said = call(words, command, {str(out.name): "notes.csv"})
+                assert (code, "with --overwrite" in said) == (2, True), (words, out.name, said)
+    assert "mat" in Path("notes.csv").read_text()
+
+
+def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
+    tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("else").mkdir()
+    Path("file").mkdir()
+    Path("file/summary.json").write_text("{}")
+    tried = []
+    for words, command in commands():
+        for out in command.params:
+            for other in command.params:
+                folder = isinstance(other.type, InputFolder | OutputFolder)
+                if folder and isinstance(out.type, Output):
+                    pair = {str(other.name): "file", str(out.name): "file/summary.json"}
+                    code, said = call(words, command, pair)
+                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+                    tried.append(words[-1])
+                elif folder and isinstance(out.type, OutputFolder) and other is not out:
+                    pair = {str(other.name): "file", str(out.name): "file"}
+                    code, said = call(words, command, pair)
+                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+    assert {"run", "calibrate", "runs", "replay"} <= set(tried)
+
+
+def test_a_history_made_by_the_command_itself_is_not_replaced(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    sqlite3.connect("stage.db").executescript("create table t (x)").close()
+    before = Path("stage.db").read_bytes()
+    done = CliRunner().invoke(cli, ["bus-budget", "--json", "stage.db"])
+    assert (done.exit_code, Path("stage.db").read_bytes()) == (2, before)
+
+
+def test_when_asked_any_file_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "notes"
+    path.write_text("mine")
+    done = CliRunner().invoke(cli, ["bus-budget", "--json", str(path), "--overwrite"])
+    assert done.exit_code == 0, done.output
+    assert JSON.is_at(path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "other"),
+    [
+        (JSON, '{"a": 1}\n', '{"a": 1'),
+        (HTML, "<!doctype html>\n<html>", "<svg>"),
+        (MACHINE_FILE, (DATA / "machines/wafer-xy.yaml").read_text(), "recipe: a\n"),
+        (RECIPE_FILE, (DATA / "recipes/inspection-20.yaml").read_text(), "bus: {}\n"),
+        (TABLE, "axis,x_m\r\nx,0\r\n", "a, b\n"),
+        (PAGE, "# Title\n\n<!-- Made by `stagectl paper --out docs/paper.md`. -->", "# Title\n"),
+    ],
+)  # fmt: skip
+def test_a_file_of_the_same_kind_is_replaced(tmp_path: Path, kind, text, other) -> None:
+    path = tmp_path / "file"
+    assert kind.is_at(path)
+    path.write_text("")
+    assert kind.is_at(path)
+    path.write_text(text)
+    assert kind.is_at(path)
+    path.write_text(other)
+    assert not kind.is_at(path)
+    assert kind.is_at(Path("/dev/null"))
