@@ -99,7 +99,7 @@ def drive(
         stage.boot()
         stage.home()
         stage.enable()
-        stage.sink = lambda sample: samples.append(codec.pack(SAMPLE_TAG, *sample))
+        stage.sink = lambda sample: samples.append(codec.pack(SAMPLE_TAG, 0, *sample) + bytes(4))
         moving = [
             MovingAxis(
                 axis.name, Limits(axis.velocity, axis.acceleration, axis.jerk), axis.increment,

@@ -231,6 +231,7 @@ class RunRecord:
         content = recover_journal(self.journal.path, overwrite=True).content
         recording, ledger = _empty(request), None
         if content is not None:
+            notices += [] if content.problem is None else [content.problem]
             recording, ledger, notes = content.recording, content.ledger, content.notes()
         assert notes is not None  # noqa: S101  the journal has at least the event `run`
         summary = write_documents(

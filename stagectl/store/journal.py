@@ -1,12 +1,14 @@
 """The journal of a run in progress: append-only, so that a killed process loses nothing.
 
 One unbuffered `write` per SYNC hands the sample to the kernel, where it survives the end of the
-process (SIGKILL included), though not a power cut. `recovery` turns a journal, whole or cut
-anywhere, into the HDF5 recording.
+process (SIGKILL included), though not a power cut. `journal_to_recording` turns a journal, whole,
+cut anywhere or damaged, into the HDF5 recording.
 
-Layout, little-endian: one line `stagectl-journal 3 {header as JSON}`, then records that start with
-a tag byte: `S` and a fixed-size sample, or `J`, uint32 length, uint32 CRC-32 and that many bytes of
-JSON (a move, an event, the outcome).
+Layout, little-endian: one line `stagectl-journal 4 CRC {header as JSON}`, with the CRC-32 of the
+header in hexadecimal, then records that start with a tag byte: `S`, uint32 index, a fixed-size
+sample and the uint32 CRC-32 of all of it; or `J`, uint32 length, uint32 CRC-32 and that many bytes
+of JSON (a move, an event, the outcome). In version 3, header and samples have no CRC, and samples
+no index.
 """
 
 from __future__ import annotations
@@ -30,10 +32,12 @@ from stagedata import Move
 
 _MOVE = tuple(field.name for field in fields(Move))
 FILE_NAME = "recording.journal"
-MAGIC = b"stagectl-journal 3 "
+MAGIC = b"stagectl-journal 4 "
+UNCHECKED_MAGIC = b"stagectl-journal 3 "
 SAMPLE_TAG = ord("S")
 TEXT_TAG = ord("J")
 TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
+CHECKSUM = struct.Struct("<I")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,19 +73,24 @@ class JournalHeader:
 
 
 def sample_codec(axes: int) -> struct.Struct:
-    """Codec of one sample record: tag, then the tuple that the drivers pass to a sink.
+    """Codec of one sample record up to its CRC: tag, index, then the tuple that a sink gets.
 
     That is (time_ns, late, sync_ns, doubt_ns), then for each axis (target_counts, offset_permille,
     position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival_ns < 0 where the
     TPDO was missed, doubt_ns < 0 where it is unknown.
     """
-    return struct.Struct("<Bq?ii" + "ihihH?iB" * axes)
+    return struct.Struct("<BIq?ii" + "ihihH?iB" * axes)
 
 
-def sample_dtype(axes: int) -> np.dtype[np.void]:
-    """The same record as a numpy type; fields of axis i end in `_i`."""
-    fields: list[tuple[str, str]] = [("tag", "u1"), ("time", "<i8"), ("late", "u1")]
-    fields += [("sync", "<i4"), ("doubt", "<i4")]
+def sample_dtype(axes: int, *, checked: bool = True) -> np.dtype[np.void]:
+    """The record as a numpy type; fields of axis i end in `_i`.
+
+    Args:
+        axes: number of axes.
+        checked: with the fields `index` and `crc`; version 3 has neither.
+    """
+    fields: list[tuple[str, str]] = [("tag", "u1"), ("index", "<u4")][: 1 + checked]
+    fields += [("time", "<i8"), ("late", "u1"), ("sync", "<i4"), ("doubt", "<i4")]
     for i in range(axes):
         fields += [
             (f"target_{i}", "<i4"),
@@ -93,7 +102,13 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
             (f"arrival_{i}", "<i4"),
             (f"extra_{i}", "u1"),
         ]
-    return np.dtype(fields)
+    return np.dtype([*fields, ("crc", "<u4")] if checked else fields)
+
+
+def encode_header(header: JournalHeader) -> bytes:
+    """The first line."""
+    text = json.dumps(asdict(header)).encode()
+    return MAGIC + b"%08x " % zlib.crc32(text) + text + b"\n"
 
 
 @contextmanager
@@ -146,7 +161,7 @@ class Journal:
         self.samples = 0
         codec = sample_codec(len(header.axes))
         self._pack = codec.pack
-        self._size = codec.size
+        self._size = codec.size + CHECKSUM.size
         try:
             self._fd = os.open(
                 self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644
@@ -158,7 +173,7 @@ class Journal:
         except OSError as error:
             raise failure_to_write(f"{self.path}: cannot create", error) from error
         fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self._write(MAGIC + json.dumps(asdict(header)).encode() + b"\n")
+        self._write(encode_header(header))
         os.fsync(self._fd)
 
     def sink(self, sample: Sequence[int]) -> None:
@@ -168,7 +183,8 @@ class Journal:
             StagectlError: it cannot be written (disk full).
         """
         try:
-            if os.write(self._fd, self._pack(SAMPLE_TAG, *sample)) == self._size:
+            record = self._pack(SAMPLE_TAG, self.samples, *sample)
+            if os.write(self._fd, record + CHECKSUM.pack(zlib.crc32(record))) == self._size:
                 self.samples += 1
                 return
         except OSError as error:

@@ -1,4 +1,4 @@
-"""Reads a journal, whole or cut anywhere: everything up to the first incomplete record.
+"""Reads a journal, whole, cut anywhere or damaged: every whole record (`journal_records`).
 
 Layout: `journal`.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,17 @@ import numpy.typing as npt
 from stagectl.errors import UnusableInput
 from stagectl.store.journal import (
     MAGIC,
-    SAMPLE_TAG,
-    TEXT_HEAD,
-    TEXT_TAG,
+    UNCHECKED_MAGIC,
     AxisScaling,
     JournalHeader,
     locked_journal,
-    sample_dtype,
 )
+from stagectl.store.journal_records import Records, Samples, fill_missing
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import RunNotes
 from stagedata import AxisSignals, Move, Recording
 
 KILLED = "killed"  # outcome of a run whose journal states none
-_BLOCK = 8192  # records examined at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +41,7 @@ class JournalContent:
         events: each with its name `event` and the index `sample` of the next sample.
         outcome: "completed", "aborted", "fault", or "killed" where the journal states none.
         fault: text of the fault, or None.
+        problem: what of the journal was damaged, or could not be checked, as a line; or None.
     """
 
     recording: Recording
@@ -51,6 +49,7 @@ class JournalContent:
     events: tuple[Mapping[str, Any], ...]
     outcome: str
     fault: str | None
+    problem: str | None = None
 
     def notes(self) -> RunNotes:
         """All but the samples."""
@@ -98,10 +97,10 @@ def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
     start = _read_header(data, path)
     if start is None:
         return None
-    header, at = start
+    header, records = start
     events: list[Mapping[str, Any]] = []
     outcome, fault = KILLED, None
-    for record in _records(data, at, sample_dtype(len(header.axes))):
+    for record in records:
         if isinstance(record, np.ndarray):
             continue
         if "event" in record:
@@ -111,16 +110,23 @@ def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
     return RunNotes(header.recipe, header.machine, header.started, outcome, tuple(events), fault)
 
 
-def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, int] | None:
-    """The header and the position of the records; None where the journal was cut before."""
+def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, Records] | None:
+    """The header and the records; None where the journal was cut before."""
     line_end = data.find(b"\n")
-    if not data.startswith(MAGIC[: len(data)]):
+    checked = data.startswith(MAGIC[: len(data)])
+    if not checked and not data.startswith(UNCHECKED_MAGIC):
         other = data.startswith(MAGIC.split(b" ")[0])
         problem = "a journal of another version: recover it with that" if other else "not a journal"
         raise UnusableInput(f"{path}: {problem}")
     if line_end < 0:
         return None
-    return _header(data[len(MAGIC) : line_end], path), line_end + 1
+    text = data[len(MAGIC) : line_end]
+    if checked:
+        stated, _, text = text.partition(b" ")
+        if stated != b"%08x" % zlib.crc32(text):
+            raise UnusableInput(f"{path}: its header is damaged: its checksum is another")
+    header = _header(text, path)
+    return header, Records(data, line_end + 1, len(header.axes), checked=checked)
 
 
 def parse_journal(data: bytes, path: Path) -> JournalContent | None:
@@ -128,13 +134,12 @@ def parse_journal(data: bytes, path: Path) -> JournalContent | None:
     start = _read_header(data, path)
     if start is None:
         return None
-    header, at = start
-    dtype = sample_dtype(len(header.axes))
-    blocks: list[npt.NDArray[np.void]] = []
+    header, records = start
+    blocks: list[Samples] = []
     moves: dict[int, Move] = {}
     events: list[Mapping[str, Any]] = []
     outcome, fault = KILLED, None
-    for record in _records(data, at, dtype):
+    for record in records:
         if isinstance(record, np.ndarray):
             blocks.append(record)
         elif "move" in record:
@@ -146,7 +151,10 @@ def parse_journal(data: bytes, path: Path) -> JournalContent | None:
             outcome, fault = record["outcome"], record["fault"]
     if not blocks:
         return None
-    samples = np.concatenate(blocks)
+    samples = fill_missing(blocks, len(header.axes)) if records.checked else np.concatenate(blocks)
+    problem = _describe_damage(records, len(samples) - sum(map(len, blocks)))
+    if problem is not None:
+        events.append({"event": "limitation", "sample": len(samples), "text": problem})
     try:
         recording = _recording(header, samples, moves, path)
     except ValueError as error:  # its header and moves contradict each other
@@ -157,7 +165,20 @@ def parse_journal(data: bytes, path: Path) -> JournalContent | None:
         events=tuple(events),
         outcome=outcome,
         fault=fault,
+        problem=problem,
     )
+
+
+def _describe_damage(records: Records, missing: int) -> str | None:
+    """What of a journal was damaged or could not be checked."""
+    problems = []
+    if records.damaged:
+        rest = "" if records.checked else "; what follows them is lost"
+        lost = f", {missing} samples with them: lost like missed ones" if missing else ""
+        problems.append(f"{records.damaged} bytes of the journal are damaged{lost}{rest}")
+    if not records.checked:
+        problems.append("an earlier version made the journal: its samples have no checksum")
+    return "; ".join(problems) or None
 
 
 def _header(text: bytes, path: Path) -> JournalHeader:
@@ -169,36 +190,8 @@ def _header(text: bytes, path: Path) -> JournalHeader:
         raise UnusableInput(f"{path}: its header is damaged: {error}") from error
 
 
-def _records(
-    data: bytes, at: int, dtype: np.dtype[np.void]
-) -> Iterator[npt.NDArray[np.void] | dict[str, Any]]:
-    """Blocks of samples, and notes, in order up to the first incomplete record."""
-    while at < len(data):
-        if data[at] == SAMPLE_TAG:
-            count = min((len(data) - at) // dtype.itemsize, _BLOCK)
-            if count == 0:
-                return
-            block = np.frombuffer(data, dtype=dtype, count=count, offset=at)
-            others = np.flatnonzero(block["tag"] != SAMPLE_TAG)
-            if len(others):
-                block = block[: others[0]]
-            yield block
-            at += len(block) * dtype.itemsize
-        elif data[at] == TEXT_TAG and at + TEXT_HEAD.size <= len(data):
-            _, length, checksum = TEXT_HEAD.unpack_from(data, at)
-            at += TEXT_HEAD.size
-            body = data[at : at + length]
-            # Zeros in place of a note have the checksum of an empty one.
-            if not length or len(body) < length or zlib.crc32(body) != checksum:
-                return
-            yield json.loads(body)
-            at += length
-        else:
-            return
-
-
 def _recording(
-    header: JournalHeader, samples: npt.NDArray[np.void], moves: Mapping[int, Move], path: Path
+    header: JournalHeader, samples: Samples, moves: Mapping[int, Move], path: Path
 ) -> Recording:
     count = len(samples)
     axes = {
@@ -227,7 +220,7 @@ def _recording(
     )
 
 
-def _ledger(header: JournalHeader, samples: npt.NDArray[np.void]) -> CycleLedger:
+def _ledger(header: JournalHeader, samples: Samples) -> CycleLedger:
     arrival: dict[str, npt.NDArray[np.float64]] = {}
     for i, axis in enumerate(header.axes):
         values = samples[f"arrival_{i}"] * 1e-9

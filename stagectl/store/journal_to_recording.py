@@ -33,8 +33,9 @@ class Recovered:
         """One line for the operator."""
         if self.path is None or self.content is None:
             return "an interrupted run left a journal without samples; it was removed"
-        count = len(self.content.recording)
-        return f"an interrupted run left a journal; its {count} samples are now {self.path}"
+        count, problem = len(self.content.recording), self.content.problem
+        line = f"an interrupted run left a journal; its {count} samples are now {self.path}"
+        return line if problem is None else f"{line} ({problem})"
 
 
 def recover_journal(

@@ -10,13 +10,14 @@ import pytest
 
 from stagectl.errors import StagectlError
 from stagectl.store import Journal, sample_codec, sample_dtype
+from stagectl.store.journal import CHECKSUM
 from stagectl.store.journal_reader import read_journal
 from tests.unit.stagectl.store.journals import HEADER, sample
 
 
 def test_codec_and_dtype_are_the_same_record():
     for axes in (1, 2, 3):
-        assert sample_codec(axes).size == sample_dtype(axes).itemsize
+        assert sample_codec(axes).size + CHECKSUM.size == sample_dtype(axes).itemsize
 
 
 def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):

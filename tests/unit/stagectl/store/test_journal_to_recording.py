@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -21,6 +22,7 @@ from stagectl.store import (
     recover_journal,
     recover_left_over,
 )
+from stagectl.store.journal import encode_header
 from tests.unit.stagectl.store.journals import HEADER, move, written
 
 
@@ -151,7 +153,9 @@ def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
     journal = written(tmp_path)
     journal.close()
     data = journal.path.read_bytes()
-    journal.path.write_bytes(data.replace(b'"name": "x"', b'"name": "q"', 1))
+    other = replace(HEADER, axes=(replace(HEADER.axes[0], name="q"), HEADER.axes[1]))
+    records = data[len(encode_header(HEADER)) :]
+    journal.path.write_bytes(encode_header(other) + records)
     with pytest.raises(UnusableInput, match=r"recording.journal: it is damaged: moves\[0\]"):
         recover_journal(journal.path)
     assert journal.path.exists()

@@ -1,0 +1,133 @@
+"""A damaged journal: the damage is cut out and said; everything else is what was written."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.store import Journal, read_ledger, read_recording, recover_journal
+from stagectl.store.journal import CHECKSUM, encode_header, sample_dtype
+from stagectl.store.journal_reader import JournalContent, parse_journal
+from tests.unit.stagectl.store.journals import HEADER, sample, written
+
+COUNT = 12
+START = len(encode_header(HEADER))
+SIZE = sample_dtype(2).itemsize
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    journal = written(tmp_path_factory.mktemp("journal"), COUNT)
+    journal.finish("completed")
+    return journal.path.read_bytes()
+
+
+def parsed(data: bytes) -> JournalContent:
+    content = parse_journal(data, Path("j"))
+    assert content is not None
+    return content
+
+
+def is_as_written(content: JournalContent) -> bool:
+    """Whether every sample that counts is what was written, at its place and time."""
+    recording = content.recording
+    count = len(recording)
+    assert np.allclose(recording.time, np.arange(count) * 1e-3, rtol=0, atol=1e-9)
+    x = recording.axes["x"]
+    return bool(
+        np.allclose(x.position_actual[x.valid], (1 - np.arange(count)[x.valid]) * 1e-9, rtol=1e-9)
+        and np.allclose(x.position_demand, -np.arange(count) * 1e-9, rtol=1e-9)
+    )
+
+
+def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data: bytes):
+    lost_samples = lost_notes = 0
+    notes = len(parsed(data).events) + len(parsed(data).recording.moves)
+    for at in range(START, len(data)):
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << at % 8
+        content = parsed(bytes(flipped))
+        assert is_as_written(content), at
+        lost = COUNT - int(content.recording.axes["x"].valid.sum())
+        assert lost <= 1, at
+        said = content.problem is not None  # by an event in addition
+        kept = len(content.events) - said + len(content.recording.moves)
+        gone = notes - kept + (content.outcome == "killed")
+        assert lost + gone == 1, at
+        assert said or content.outcome == "killed", at  # the last note may look cut
+        lost_samples, lost_notes = lost_samples + lost, lost_notes + gone
+    assert lost_samples == COUNT * SIZE
+    assert lost_notes > 0
+
+
+def test_a_flipped_bit_in_the_header_is_no_other_stage(data: bytes):
+    for at in range(START - 1):
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << at % 8
+        with pytest.raises(UnusableInput, match=r"damaged|not a journal|another version"):
+            parse_journal(bytes(flipped), Path("j"))
+
+
+def test_a_lost_stretch_is_filled_with_samples_that_do_not_count(tmp_path: Path):
+    journal = Journal(tmp_path, HEADER)
+    for k in range(40):
+        journal.sink(sample(k))
+    journal.close()
+    data = bytearray(journal.path.read_bytes())
+    data[START : START + SIZE] = bytes(SIZE)  # the first one
+    data[START + 12 * SIZE + 7 : START + 20 * SIZE - 3] = b"SJ" * ((8 * SIZE - 10) // 2)
+    journal.path.write_bytes(data)
+    recovered = recover_journal(journal.path)
+    assert "9 samples with them: lost like missed ones" in recovered.describe()
+    assert recovered.path is not None
+    recording, ledger = read_recording(recovered.path), read_ledger(recovered.path)
+    assert ledger is not None
+    lost = [0, *range(12, 20)]
+    x = recording.axes["x"]
+    assert list(np.flatnonzero(~x.valid)) == lost
+    assert list(np.flatnonzero(np.isnan(ledger.arrival["x"]))) == lost
+    np.testing.assert_allclose(recording.time, np.arange(40) * 1e-3, atol=1e-9)
+    np.testing.assert_allclose(x.position_actual[12:20], (1 - 11) * 1e-9)
+    np.testing.assert_allclose(x.position_demand[1:], -np.arange(1, 40) * 1e-9)
+
+
+def test_a_damaged_end_is_said_and_a_cut_one_is_not(data: bytes):
+    assert parsed(data).problem is None
+    assert parsed(data[:-5]).problem is None
+    assert parsed(data + bytes(100)).problem == "100 bytes of the journal are damaged"
+
+
+def test_an_index_out_of_reach_is_no_sample(tmp_path: Path):
+    """Else a few bytes could ask for any number of lost samples."""
+    journal = Journal(tmp_path, HEADER)
+    journal.sink(sample(0))
+    journal.samples = 4_000_000_000
+    journal.sink(sample(1))
+    journal.close()
+    content = parsed(journal.path.read_bytes())
+    assert len(content.recording) == 1
+    assert content.problem is not None
+
+
+def test_a_journal_of_the_version_before_is_read_and_said_to_be_unchecked(tmp_path: Path):
+    codec = struct.Struct("<Bq?ii" + "ihihH?iB" * 2)
+    head = b"stagectl-journal 3 " + json.dumps(asdict(HEADER)).encode() + b"\n"
+    path = tmp_path / "recording.journal"
+    path.write_bytes(head + b"".join(codec.pack(ord("S"), *sample(k)) for k in range(COUNT)))
+    recovered = recover_journal(path)
+    assert "samples have no checksum" in recovered.describe()
+    assert recovered.content is not None
+    assert len(recovered.content.recording) == COUNT
+    assert is_as_written(recovered.content)
+
+
+def test_the_record_ends_with_its_checksum():
+    dtype = sample_dtype(2)
+    assert dtype.fields is not None
+    assert dtype.fields["crc"][1] == dtype.itemsize - CHECKSUM.size
