@@ -15,21 +15,26 @@ def examine_kernels() -> Finding:
 
     from stagedata.compiled import SHIPPED, kernel_folder
 
-    folder = kernel_folder()
+    kernels = kernel_folder()
+    folder, problem = kernels.path, kernels.problem()
     shipped = len(list(SHIPPED.glob("*.kernel")))
-    kept = list(folder.glob("*.kernel"))
+    kept = list(folder.glob("*.kernel")) if problem is None else []
     size = sum(path.stat().st_size for path in kept)
     processor = os.environ.get("NUMBA_CPU_NAME") or f"{llvm.get_host_cpu_name()}, this very one"
-    writable = _is_writable(folder)
-    remedy = ""
-    if not writable:
+    writable = problem is None and _is_writable(folder)
+    remedy = state = ""
+    if problem is not None:
+        state = f", refused: {problem}"
+        remedy = "set NUMBA_CACHE_DIR to a folder of yours that nobody else can write"
+    elif not writable:
+        state = ", not writable"
         remedy = "set NUMBA_CACHE_DIR to a folder that can be written: else every run compiles"
     elif not shipped and not kept:
         remedy = "nothing: the first run compiles for some 20 s, once"
     return Finding(
         "kernels", writable,
         f"{shipped} came with the installation, {len(kept)} were compiled here "
-        f"({size / 1e6:.1f} MB in {folder}{'' if writable else ', not writable'}); for {processor}",
+        f"({size / 1e6:.1f} MB in {folder}{state}); for {processor}",
         remedy,
     )  # fmt: skip
 

@@ -8,7 +8,8 @@
 Loads numba; nothing else of `stagedata` does.
 """
 
-from stagedata.compiled.cache import SHIPPED, kernel_folder, on_compiling
+from stagedata.compiled.cache import SHIPPED, on_compiling
+from stagedata.compiled.folder import kernel_folder
 from stagedata.compiled.kernels import Kernel, KernelByType, kernel, machine_code
 
 __all__ = [

@@ -3,19 +3,16 @@
 A file is named after all that it depends on: the kernel's code (`stamp`), the types, the processor,
 the versions of Python and numba. So a file is never out of date, and only one that is missing is
 compiled. It is looked for among those that came with the installation, then in the folder for new
-ones: that of NUMBA_CACHE_DIR, the `__pycache__` beside this file, or the user's cache.
+ones (`folder`).
 
 Of several processes that miss a file, one compiles and the others wait for it.
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
-import os
 import pickle
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -32,10 +29,11 @@ from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
+from stagedata.compiled.folder import kernel_folder, whole
 from stagedata.compiled.stamp import stamp
 
 SHIPPED = Path(__file__).parent / "shipped"
-"""Kernels that came with the installation."""
+"""Kernels that came with the installation; whoever can write them can write the program, too."""
 KEPT = 4
 """So many versions of a kernel are kept, for who goes back and forth between them."""
 
@@ -56,19 +54,6 @@ def on_compiling(listener: Callable[[str], object]) -> Iterator[None]:
         _listeners.remove(listener)
 
 
-@cache
-def kernel_folder() -> Path:
-    """Where new kernels are kept."""
-    if numba.config.CACHE_DIR:
-        return Path(numba.config.CACHE_DIR, "stagectl")
-    beside = Path(__file__).parent / "__pycache__"
-    with suppress(OSError):
-        beside.mkdir(exist_ok=True)
-        tempfile.TemporaryFile(dir=beside).close()
-        return beside
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "stagectl"
-
-
 class KernelCache(_Cache):
     """Of one kernel, as numba asks for it.
 
@@ -86,7 +71,7 @@ class KernelCache(_Cache):
     @property
     def cache_path(self) -> str:
         """The folder for new files."""
-        return str(kernel_folder())
+        return str(kernel_folder().path)
 
     def enable(self) -> None:
         """Keep what is compiled from now on."""
@@ -98,8 +83,7 @@ class KernelCache(_Cache):
 
     def flush(self) -> None:
         """Forget all that is kept of this kernel."""
-        for path in kernel_folder().glob(f"{self._name}-*"):
-            path.unlink(missing_ok=True)
+        kernel_folder().drop(self._name)
 
     @property
     def _name(self) -> str:
@@ -110,12 +94,12 @@ class KernelCache(_Cache):
         if not self._enabled:
             return None
         name = self._file(sig, target_context.codegen())
-        found = _read(SHIPPED / name) or _read(kernel_folder() / name)
+        found = _read_shipped(name) or kernel_folder().read(name)
         if found is None:
             for listener in _listeners:
                 listener(self._name)
-            self._claim = _claim(kernel_folder(), name)
-            found = _read(kernel_folder() / name)  # by now, if another process compiled it
+            self._claim = kernel_folder().lock(f"{self._name}.lock")
+            found = kernel_folder().read(name)  # by now, if another process compiled it
         return None if found is None else _rebuild(found, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -123,8 +107,8 @@ class KernelCache(_Cache):
         if self._enabled:
             name = self._file(sig, data.codegen)
             with suppress(OSError):
-                _write(kernel_folder() / name, _reduce(data))
-                _drop_older(kernel_folder(), name.rpartition("-")[0])
+                kernel_folder().write(name, _reduce(data))
+                kernel_folder().drop(name.rpartition("-")[0], KEPT)
 
     @contextmanager
     def claimed(self) -> Iterator[None]:
@@ -179,47 +163,16 @@ def _rebuild(data: bytes, target_context: Any) -> Any:
     numba loads all that it can compile with before it loads a kernel. Its runtime is enough, unless
     the kernel calls a function that comes with the rest.
     """
-    outside, reduced = pickle.loads(data)  # noqa: S301  (written by this program, in its own folder)
+    outside, reduced = pickle.loads(data)  # noqa: S301  (written by this program, in a folder that only this user writes)
     rtsys.initialize(target_context)
     if not all(llvm.address_of_symbol(name) for name in outside):
         target_context.refresh()
     return CompileResult._rebuild(target_context, *reduced)
 
 
-def _read(path: Path) -> bytes | None:
-    """Content of a file; None if there is none, or only a part of one."""
+def _read_shipped(name: str) -> bytes | None:
+    """A kernel that came with the installation; None if there is none."""
     try:
-        content = path.read_bytes()
+        return whole((SHIPPED / name).read_bytes())
     except OSError:
         return None
-    digest, data = content[:32], content[32:]
-    return data if hashlib.sha256(data).digest() == digest else None
-
-
-def _write(path: Path, data: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}")
-    try:
-        part.write_bytes(hashlib.sha256(data).digest() + data)
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
-
-
-def _drop_older(folder: Path, kernel: str) -> None:
-    """Remove all but the newest files of a kernel for the same types and processor."""
-    files = sorted(folder.glob(f"{kernel}-*.kernel"), key=lambda path: path.stat().st_mtime)
-    for path in files[:-KEPT]:
-        path.unlink(missing_ok=True)
-
-
-def _claim(folder: Path, name: str) -> BinaryIO | None:
-    """Wait until no other process compiles this kernel; until it is closed, none other does."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / f"{name.partition('-')[0]}.lock").open("wb")
-        fcntl.flock(file, fcntl.LOCK_EX)
-    except OSError:  # not on this file system: then both compile
-        return None
-    return file

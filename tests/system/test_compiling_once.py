@@ -58,7 +58,7 @@ assert phases == ["compiling, once"] * 2, phases
 def copy_kernels(folder, but):
     """All kernels that are there, but those whose names begin so."""
     folder.mkdir(parents=True)
-    for place in (SHIPPED, kernel_folder()):
+    for place in (SHIPPED, kernel_folder().path):
         for kernel in place.glob("*.kernel"):
             if not kernel.name.startswith(but):
                 shutil.copy(kernel, folder)
