@@ -1,11 +1,12 @@
 """Data of other programs become recordings.
 
 `import_map` reads which column is which channel, in which unit. `columns` are those of a file:
-`text_table`, `binary_table` (MATLAB, NumPy, HDF5) or `plc_trace` (CODESYS). `recording` brings them
-into SI units, onto one clock.
+`text_table`, `binary_table` (MATLAB, NumPy, HDF5, in `foreign_process`) or `plc_trace` (CODESYS).
+`recording` brings them into SI units, onto one clock.
+
+Its names, in `__init__.pyi`, are imported on first use: the process of its own needs few of them.
 """
 
-from stagectl.importing.import_map import ImportMap, load_map, unlike_rotary
-from stagectl.importing.recording import import_recording
+import lazy_loader
 
-__all__ = ["ImportMap", "import_recording", "load_map", "unlike_rotary"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

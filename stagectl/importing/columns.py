@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from datetime import datetime
 from pathlib import Path
 
@@ -9,19 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
-from stagectl.importing.binary_table import read_arrays, read_matlab
+from stagectl.importing.foreign_process import read_foreign
 from stagectl.importing.plc_trace import read_plc_trace
 from stagectl.importing.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
-_READERS = {
-    ".mat": read_matlab,
-    ".npz": read_arrays,
-    ".h5": read_arrays,
-    ".hdf5": read_arrays,
-    ".trace": read_plc_trace,
-    ".xml": read_plc_trace,
-}
+_BINARY = (".mat", ".npz", ".h5", ".hdf5")
+_TRACES = (".trace", ".xml")
 _MOST_NAMES = 60
 
 
@@ -31,24 +26,31 @@ class Columns:
     Args:
         path: of the file.
         preamble: lines of a text file before its header; None: found by itself.
+        wanted: names of columns; of a binary file no others are read. None: all.
 
     Raises:
         UnusableInput: the file cannot be read; names file, row and cause.
     """
 
-    def __init__(self, path: Path, preamble: int | None = None) -> None:
+    def __init__(
+        self, path: Path, preamble: int | None = None, wanted: Collection[str] | None = None
+    ) -> None:
         if not path.is_file():
             raise UnusableInput(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
         self.path = path
         self._numbers: dict[str, FloatArray] = {}
+        self._names: list[str] = []
         self._not_numbers: dict[str, str] = {}
         self._texts: dict[str, list[str]] = {}
         suffix = path.suffix.lower()
-        if suffix in _READERS:
-            self._numbers = _READERS[suffix](path)
+        if suffix in _BINARY:
+            self._numbers, self._names = read_foreign(path, wanted)
+        elif suffix in _TRACES:
+            self._numbers = read_plc_trace(path)
         else:
             self._read_text(preamble)
-        if not self._numbers and not self._not_numbers:
+        self._names = self._names or list(self._numbers)
+        if not self._names and not self._not_numbers:
             raise UnusableInput(f"{path}: no numeric column")
 
     def __contains__(self, name: str) -> bool:
@@ -63,7 +65,7 @@ class Columns:
         if name in self._not_numbers:
             raise UnusableInput(f"{self.path}: {self._not_numbers[name]}")
         if name not in self._numbers:
-            names = sorted(self._numbers)
+            names = sorted(self._names)
             has = ", ".join(names[:_MOST_NAMES]) or "none with numbers"
             more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
             raise UnusableInput(f"{self.path}: no column {name!r}; it has {has}{more}")

@@ -141,6 +141,15 @@ class ImportMap(Section):
     resample: StrictBool = False
     axes: Annotated[Mapping[AxisName, AxisColumns], Field(min_length=1)]
 
+    def column_names(self) -> set[str]:
+        """The names of all columns that are mapped, of whichever file."""
+        columns = [self.time, *(file.time for file in self.files.values())]
+        for axis in self.axes.values():
+            columns += [
+                axis.position_demand, axis.position_actual, axis.force_actual, axis.force_offset
+            ]  # fmt: skip
+        return {str(column.column) for column in columns if column is not None}
+
 
 def unlike_rotary(found: ImportMap, machine: Machine) -> list[str]:
     """Axes with units of a rotary axis that the machine file does not call one."""

@@ -18,6 +18,7 @@ from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
 from stagectl.importing.import_map import AxisColumns, Column, ImportMap, unit_factor
+from stagectl.store.hdf5 import MAX_SAMPLES
 from stagedata import AxisSignals, Move, Recording
 
 FloatArray = npt.NDArray[np.float64]
@@ -52,6 +53,7 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     time = first.time - first.time[0]
     if how.resample:
         _check_rate(time, period, path)
+        _check_holes(time, period, path)
         time = np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1) * period
     else:
         _check_time(time, period, path)
@@ -77,7 +79,7 @@ class _File:
 def _read(
     path: Path, preamble: int | None, time: Column | None, period: float, how: ImportMap
 ) -> _File:
-    columns = Columns(path, preamble)
+    columns = Columns(path, preamble, how.column_names())
     if time is None:
         demand = next(iter(how.axes.values()))
         used = next(
@@ -229,6 +231,24 @@ def _check_rate(time: FloatArray, period: float, path: Path) -> None:
         raise UnusableInput(
             f"{path}: samples are {usual:.6g} s apart: there are none to read every "
             f"{period:g} s; choose a sync_period of about {usual:.3g} s in the machine file"
+        )
+
+
+def _check_holes(time: FloatArray, period: float, path: Path) -> None:
+    """Refuse times with longer holes than data, as one wrong date makes them."""
+    steps = np.diff(time)
+    if not len(steps):
+        return
+    hole = steps > _HOLE * max(float(np.median(steps)), period)
+    if float(steps[hole].sum()) > float(steps[~hole].sum()):
+        sample = int(np.argmax(steps))
+        raise UnusableInput(
+            f"{path}: time: {steps[sample]:.6g} s pass between samples {sample} and {sample + 1}: "
+            "the holes are longer than all that was logged"
+        )
+    if (count := time[-1] / period) > MAX_SAMPLES:
+        raise UnusableInput(
+            f"{path}: time: {count:.3g} SYNC periods, at most {MAX_SAMPLES} are imported"
         )
 
 

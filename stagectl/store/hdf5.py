@@ -108,7 +108,7 @@ def read_array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDAr
     place = f"{group.name.rstrip('/')}/{name}"
     if not isinstance(member, h5py.Dataset):
         raise UnusableInput(f"{place}: must be a dataset")
-    if member.external:
+    if member.external or member.is_virtual:
         raise UnusableInput(f"{place}: its data is in another file")
     if member.ndim != 1:
         raise UnusableInput(f"{place}: must have one dimension, has shape {member.shape}")

@@ -7,7 +7,7 @@ from importlib import import_module
 import pytest
 
 
-@pytest.mark.parametrize("room", ["history", "run", "sequencer", "store"])
+@pytest.mark.parametrize("room", ["history", "importing", "run", "sequencer", "store"])
 def test_every_public_name_is_found(room):
     package = import_module(f"stagectl.{room}")
     assert package.__all__

@@ -21,7 +21,7 @@ def example():
         ("a.xlsx", b"PK\x03\x04\xff\x00", r"not readable text; export it as \.csv"),
         ("a.npz", b"PK\x03\x04no archive", "not a readable .npz"),
         ("a.npz", b"no archive", "not a readable .npz"),
-        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable HDF5"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable .h5 file"),
         ("a.trace", b"<Trace>", "not a readable trace"),
         ("a.xml", b"<Trace/>", "no TraceVariable with samples of numbers"),
         ("a.csv", b"", "empty"),

@@ -101,6 +101,21 @@ def test_no_samples_are_invented(columns, tmp_path):
     assert len(found) == 300
 
 
+@pytest.mark.parametrize("pause", [1.7e9, 1e4])
+def test_one_wrong_date_is_no_recording_of_years(columns, tmp_path, pause):
+    log = columns | {"t": columns["t"] + pause * (np.arange(3000) >= 17)}
+    path = csv_of(log, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match=r"s pass between samples 16 and 17: the holes are"):
+        read(tmp_path, path, "time: {column: t}\nresample: true\n")
+
+
+def test_a_pause_shorter_than_what_was_logged_is_a_hole(columns, tmp_path):
+    log = columns | {"t": columns["t"] + 2.0 * (np.arange(3000) >= 1000)}
+    path = csv_of(log, tmp_path / "a.csv")
+    found = read(tmp_path, path, "time: {column: t}\nresample: true\n")
+    assert (~found.axes["slide"].valid).sum() == pytest.approx(2000, abs=2)
+
+
 def test_without_a_demand_the_measured_position_is_one(columns, tmp_path):
     axis = AXIS.replace("    position_demand: {column: qg}\n", "")
     slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
