@@ -243,14 +243,21 @@ class Stage:
         self._homing.home(force)
 
     @_exclusive
-    def check_profile_position(self, axis: str) -> None:
+    def check_move_to(self, axis: str, velocity: float, acceleration: float) -> None:
         """Checks, before power, that `move_to` can move an axis of the booted stage.
 
+        Args:
+            axis: its name.
+            velocity: of the profile [m/s].
+            acceleration: of the profile, also for braking [m/s^2].
+
         Raises:
+            LimitError: velocity or acceleration is outside the axis' limits, or nothing in the
+                drive's units.
             ConfigurationError: its drive lacks mode pp, or an object of its profile.
             NodeError: no answer.
         """
-        self._cycle.channel(axis).axis.check_mode(self._pp.mode)
+        self._pp.check(axis, velocity, acceleration)
 
     @_exclusive
     def enable(self) -> None:

@@ -161,7 +161,7 @@ def write_profile(
         if held is None:
             raise ConfigurationError("is not offered", axis=settings.name, obj=ref)
         if held:
-            slower = max(slower, wanted.value / held)
+            slower = max(slower, value / (held * wanted.unit))
     return slower, clauses
 
 

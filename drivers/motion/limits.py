@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.drive import counts, unit
+from drivers.drive import counts, dimension, unit
 from drivers.errors import LimitError, shown
 from drivers.settings import AxisSettings
 
@@ -154,14 +154,9 @@ def checked_profile(
         relative: see positions.
 
     Raises:
-        LimitError: no target, velocity, acceleration or a target outside the axis' limits.
+        LimitError: no target, a target outside the axis' limits, or as `check_profile`.
     """
-    for value, limit, ref in (
-        (velocity, axis.velocity, od.PROFILE_VELOCITY),
-        (acceleration, axis.acceleration, od.PROFILE_ACCELERATION),
-    ):
-        if not 0 < value <= limit:
-            raise LimitError(f"{shown(value)} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
+    check_profile(axis, velocity, acceleration)
     if not positions:
         raise LimitError("no target given", axis=axis.name, obj=od.TARGET_POSITION)
     setpoints, at = [], start
@@ -175,6 +170,26 @@ def checked_profile(
         setpoints.append(Setpoint(target, last, duration, relative))
         at = end
     return setpoints
+
+
+def check_profile(axis: AxisSettings, velocity: float, acceleration: float) -> None:
+    """Checks velocity [m/s] and acceleration [m/s^2] of a drive's own profile (pp).
+
+    Raises:
+        LimitError: outside the axis' limits, or less than half a unit of the drive, which it would
+            be told as 0.
+    """
+    for value, limit, ref in (
+        (velocity, axis.velocity, od.PROFILE_VELOCITY),
+        (acceleration, axis.acceleration, od.PROFILE_ACCELERATION),
+    ):
+        if not 0 < value <= limit:
+            raise LimitError(f"{shown(value)} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
+        if counts(axis, ref, value) < 1:
+            one = f"{unit(axis, ref):g} {dimension(axis, ref)}"
+            raise LimitError(
+                f"{shown(value)} is nothing in steps of {one}", axis=axis.name, obj=ref
+            )
 
 
 def beyond_travel(axis: AxisSettings, position: float, what: str) -> LimitError:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Control, Mode
-from drivers.motion.limits import Setpoint, checked_profile
+from drivers.motion.limits import Setpoint, check_profile, checked_profile
 from drivers.motion.power import Power
 from drivers.motion.profile_moves import ProfileMoves
 from drivers.motion.safe_stop import SafeStop
@@ -51,13 +51,19 @@ class ProfilePosition:
         setpoints = checked_profile(
             channel.axis.settings, start, targets, velocity, acceleration, relative
         )
-        channel.axis.check_mode(self.mode)
+        self.check(axis, velocity, acceleration)
         with self._stopping.on_failure():
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
             self._power.enter(self.mode)
             self._move(channel, setpoints)
         self._return_to_csp()
+
+    def check(self, axis: str, velocity: float, acceleration: float) -> None:
+        """Checks that the drive can make such moves; nothing is changed."""
+        chosen = self._cycle.channel(axis).axis
+        check_profile(chosen.settings, velocity, acceleration)
+        chosen.check_mode(self.mode)
 
     def _move(self, channel: Channel, setpoints: Sequence[Setpoint]) -> None:
         """Moves an enabled axis along the setpoints.

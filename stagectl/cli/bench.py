@@ -114,7 +114,7 @@ def jog(
     _check_distance(chosen, distance, here)
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
-        stage.check_profile_position(axis)
+        stage.check_move_to(axis, speed, acceleration)
         if not here:
             stage.home()
         stage.enable()

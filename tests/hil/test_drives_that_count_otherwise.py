@@ -79,43 +79,95 @@ def with_units(machine: Machine, **units: str) -> Machine:
     return parse_machine(text, "units.yaml")
 
 
-@pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
-@pytest.mark.parametrize(
-    ("says", "line"),
-    [
-        (
-            {VELOCITY: RPM, ACCELERATION: RPM_PER_SECOND},
-            "axis x: 0x60A9:00 SI unit velocity: says 0x00B44700: revolutions per minute; a linear "
-            "axis cannot use it for velocity",
-        ),
-        (
-            {ACCELERATION: None},
-            "axis x: 0x60AA:00 SI unit acceleration: the drive does not say what it counts "
-            "acceleration in; the machine file must: add acceleration_unit: 1e-06 to its drive "
-            "section if it is 1e-06 m/s^2",
-        ),
-    ],
-    ids=["rpm", "nothing"],
-)
-def test_commands_refuse_before_power(
-    command: str, says: dict[int, int | None], line: str, stage_machine: Machine, tmp_path: Path
-) -> None:
-    drives = Drives(stage_machine, says)
+def refused(drives: Drives, command: str, folder: Path, *options: str) -> str:
+    """The one line with which a command refuses the drives, before power."""
     before = drives.positions
-    recipe = tmp_path / "r.yaml"
+    recipe = folder / "r.yaml"
     recipe.write_text(short_recipe((0.01, 0.0)), encoding="utf-8")
+    machine = folder / "m.yaml"
+    machine.write_text(drives.machine.text, encoding="utf-8")
     arguments = {
         "jog": ["x", "2mm", "--velocity", "5mm/s"],
         "home": [],
         "enable": ["--hold", "0.1"],
-        "run": [str(recipe), "--out", str(tmp_path / "out"), "--compensation", "none"],
+        "run": [str(recipe), "--out", str(folder / "out"), "--compensation", "none"],
     }[command]
-    done = CliRunner().invoke(cli, [command, *arguments, "--bus", f"lockstep:{drives.world.name}"])
+    where = ["--machine", str(machine), "--bus", f"lockstep:{drives.world.name}"]
+    done = CliRunner().invoke(cli, [command, *arguments, *options, *where])
     assert isinstance(done.exception, RunFault), done.output
     assert done.exception.exit_code == 3
-    assert str(done.exception) == line
     assert not drives.was_enabled
     np.testing.assert_allclose(drives.positions, before, atol=20)
+    return str(done.exception)
+
+
+@pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
+def test_a_drive_that_counts_in_rpm_is_refused_before_power(
+    command: str, stage_machine: Machine, tmp_path: Path
+) -> None:
+    drives = Drives(stage_machine, {VELOCITY: RPM, ACCELERATION: RPM_PER_SECOND})
+    assert refused(drives, command, tmp_path) == (
+        "axis x: 0x60A9:00 SI unit velocity: says 0x00B44700: revolutions per minute; a linear "
+        "axis cannot use it for velocity"
+    )
+
+
+@pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
+def test_a_unit_that_nobody_states_is_refused_before_power(
+    command: str, stage_machine: Machine, tmp_path: Path
+) -> None:
+    assert refused(Drives(stage_machine, {ACCELERATION: None}), command, tmp_path) == (
+        "axis x: 0x60AA:00 SI unit acceleration: the drive does not say what it counts "
+        "acceleration in; the machine file must: add acceleration_unit: 1e-06 to its drive "
+        "section if it is 1e-06 m/s^2"
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "index", "mode"),
+    [
+        ("home", 0x6098, "homing"),
+        ("run", 0x6098, "homing"),
+        ("jog", 0x6098, "homing"),
+        ("jog", 0x6081, "profile position"),
+        ("jog", 0x6083, "profile position"),
+        ("jog", 0x6084, "profile position"),
+    ],
+)
+def test_a_drive_without_an_object_of_the_mode_is_refused_before_power(
+    command: str, index: int, mode: str, stage_machine: Machine, tmp_path: Path
+) -> None:
+    line = refused(Drives(stage_machine, {key(index): None}), command, tmp_path)
+    assert line.startswith(f"axis x: 0x{index:04X}:00 ")
+    assert line.endswith(f": is not offered: {mode} mode needs it")
+
+
+def test_a_speed_that_is_nothing_to_the_drive_is_refused_before_power(
+    stage_machine: Machine, tmp_path: Path
+) -> None:
+    coarse = with_units(stage_machine, velocity_unit="1 mm/s")
+    line = refused(Drives(coarse, {}), "jog", tmp_path, "--velocity", "0.4mm/s")
+    assert line == "axis x: 0x6081:00 profile velocity: 0.0004 is nothing in steps of 0.001 m/s"
+
+
+def test_moves_that_the_drive_cannot_be_told_leave_an_enabled_axis_alone(
+    stage_machine: Machine,
+) -> None:
+    drives = Drives(stage_machine, {key(0x6083): None})
+    with drives.open() as stage:
+        stage.boot()
+        stage.enable()
+        before = drives.positions
+        with pytest.raises(ConfigurationError, match=r"^axis x: 0x6083:00 .*is not offered"):
+            stage.move_to("x", stage.targets[0] + 1e-3, velocity=0.05, acceleration=1.0)
+        with (
+            pytest.raises(ConfigurationError, match=r"^axis x: 0x6083:00 .*is not offered"),
+            stage.profile_moves(velocity=0.05, acceleration=1.0),
+        ):
+            pytest.fail("no moves without a profile")
+        assert stage.enabled
+        stage.hold(0.01)
+        np.testing.assert_allclose(drives.positions, before, atol=100)
 
 
 RATES = [
@@ -140,7 +192,7 @@ def test_moves_have_the_speed_asked_for(
     drives = Drives(with_units(stage_machine, **units), says)
     with drives.open() as stage:
         stage.boot()
-        stage.check_profile_position("x")
+        stage.check_move_to("x", 0.02, 1.0)
         stage.home()
         stage.enable()
         start = drives.world.now_ns

@@ -229,5 +229,5 @@ def test_without_a_homing_method_nothing_is_homed_nor_powered() -> None:
 def test_a_profile_that_cannot_be_written_is_found_before_power(absent: int) -> None:
     with stage_without(absent, booted_only=True) as (stage, _):
         with pytest.raises(ConfigurationError, match=rf"^axis x: 0x{absent:X}:00 .*not offered"):
-            stage.check_profile_position("x")
-        stage.check_profile_position("y")
+            stage.check_move_to("x", 0.01, 1.0)
+        stage.check_move_to("y", 0.01, 1.0)

@@ -120,6 +120,7 @@ FORWARDED = {
     ("drive/parameters.py", "*row"),  # of which all objects are looked at
     ("drive/scaling.py", "ref"),
     ("drive/axis.py", "target"),  # a cyclic target, at 0
+    ("motion/limits.py", "ref"),  # of check_profile
     ("cyclic/cycle.py", "values"),  # samples, not an object
 }  # fmt: skip
 """Objects that a writer gets from its caller or a table, by module and name."""

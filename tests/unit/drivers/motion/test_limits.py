@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from drivers.errors import LimitError
 from drivers.motion.limits import (
     Setpoint,
+    check_profile,
     checked_forces,
     checked_positions,
     checked_profile,
@@ -298,3 +300,19 @@ def test_a_profile_outside_the_limits_is_named(
 ) -> None:
     with pytest.raises(LimitError, match=rf"^axis x: {text}"):
         checked_profile(axis_settings[0], 0.0, [0.1], velocity, acceleration, False)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "line"),
+    [
+        (0.4e-3, 1.0, "0x6081:00 profile velocity: 0.0004 is nothing in steps of 0.001 m/s"),
+        (0.1, 0.004, "0x6083:00 profile acceleration: 0.004 is nothing in steps of 0.01 m/s^2"),
+    ],
+)
+def test_a_profile_that_is_nothing_in_the_drives_units_is_refused(
+    axis_settings: tuple[AxisSettings, ...], velocity: float, acceleration: float, line: str
+) -> None:
+    coarse = dataclasses.replace(axis_settings[0], velocity_unit=1e-3, acceleration_unit=1e-2)
+    check_profile(coarse, 0.6e-3, 0.006)
+    with pytest.raises(LimitError, match=f"^axis x: {re.escape(line)}$"):
+        check_profile(coarse, velocity, acceleration)
