@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV := $(VENV)/.installed-dev
 
-.PHONY: run test test-newest test-lowest lint types layers bench mutants lock clean help
+.PHONY: run test test-newest test-lowest docs-check docs-quotes lint types layers bench mutants lock clean help
 
 help: ## this list
 	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -52,6 +52,12 @@ test-newest test-lowest: test-%: $(UV) ## all tests with the newest or lowest ve
 	$(UV) venv --quiet --clear --seed --python $(PYTHON) .venv-$*
 	$(UV) pip install --quiet --python .venv-$* --resolution $(RESOLUTION) --group dev --editable '.[postgres,export]'
 	$(call run_tests,.venv-$*)
+
+docs-check: $(DEV) ## all commands of README and docs, with what the docs quote of their output
+	$(BIN)/python tools/docs_commands.py check
+
+docs-quotes: $(DEV) ## quote anew in README and docs what their commands print
+	$(BIN)/python tools/docs_commands.py quotes
 
 lint: $(DEV) ## ruff
 	$(BIN)/ruff check .

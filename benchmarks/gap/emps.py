@@ -46,6 +46,7 @@ each of `DATA_EMPS.mat` (strokes there and back at several speeds) and
 Reference Models of EMPS*, 2019 Workshop on Nonlinear System Identification Benchmarks;
 nonlinearbenchmark.org. The data are not part of this project.
 
+<!-- not run: needs data of others -->
 ```console
 $ stagectl gap import DATA_EMPS.mat --map examples/emps/map.yaml
 $ stagectl gap measure DATA_EMPS.h5

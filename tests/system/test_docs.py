@@ -1,10 +1,18 @@
-"""What the pages of the docs refer to exists: files that they link to, names that they import."""
+"""The docs are true: files that they link to exist, names that they import, what commands print.
+
+Commands that take longer than seconds are followed by `make docs-check`.
+"""
 
 import importlib
+import json
 import re
+import socket
 from pathlib import Path
 
 import pytest
+
+from tests.multicast import require_multicast
+from tools import docs_commands
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -62,3 +70,74 @@ def test_every_test_that_guards_against_a_pitfall_exists() -> None:
         last = files or last
     assert len(rows) > 40
     assert missing == []
+
+
+FOLLOWED = [
+    page
+    for page in docs_commands.PAGES
+    if any(not block.minutes for block in docs_commands.blocks(page.read_text(encoding="utf-8")))
+]
+
+
+@pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.stem)
+def test_who_follows_a_page_sees_what_it_quotes(page: Path, monkeypatch) -> None:
+    text = page.read_text(encoding="utf-8")
+    if group := re.search(r"\$ .*udp_multicast:([\d.]+)", text):
+        require_multicast(group[1])
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("", 0))  # every group is heard on a port: one of our own
+            monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
+    with docs_commands.copy_of_the_clone() as folder:
+        followed = list(docs_commands.follow(text, folder, minutes=False))
+    assert followed
+    assert docs_commands.with_quotes(text, followed) == text
+
+
+PAGE = """
+<!-- file: recipe.yaml -->
+```yaml
+recipe: short
+```
+
+```console
+$ cat recipe.yaml  # what is there
+recipe: long
+$ echo sought; printf '%s\\n' a b "took $SECONDS s"
+sought
+...
+took ... s
+$ echo not quoted
+```
+
+<!-- exit 3 -->
+```console
+$ exit 3
+```
+
+<!-- not run: needs a drive -->
+```console
+$ exit 4
+```
+
+<!-- minutes -->
+```console
+$ exit 5
+```
+
+```console
+$ exit 6
+```
+"""
+
+
+def test_blocks_are_followed_in_order_up_to_what_takes_minutes(tmp_path: Path) -> None:
+    followed = list(docs_commands.follow(PAGE, tmp_path, minutes=False))
+    assert [command.text for command, _ in followed][2:] == ["echo not quoted", "exit 3"]
+    assert docs_commands.with_quotes(PAGE, followed) == PAGE.replace("long", "short")
+    with pytest.raises(docs_commands.WrongDocsError, match="exit 5\nended with 5, not 0"):
+        list(docs_commands.follow(PAGE, tmp_path, minutes=True))
+
+
+def test_a_misspelt_comment_does_not_leave_a_block_out() -> None:
+    with pytest.raises(docs_commands.WrongDocsError, match=r"line 3: unknown comment .*fill"):
+        docs_commands.blocks(PAGE.replace("file:", "fill:"))
