@@ -1,12 +1,13 @@
 """Calibration: friction measured at fixed sites, and identified from recordings.
 
-`sites` (the file), `sequence` (moves at a site), `due` (when), `insert_sites` (into production),
-`outcome` and `report` (results), `recorded` (what a recording says), `documents` (results
-again from it), `identify` (figures of an axis).
+`sites` (the file), `enough_sites` (for a map), `sequence` (moves at a site), `due` (when),
+`insert_sites` (into production), `outcome` and `report` (results), `recorded` (what a recording
+says), `documents` (results again from it), `identify` (figures of an axis).
 """
 
 from stagectl.calibration.documents import rewrite_all_documents
 from stagectl.calibration.due_sites import due_now, due_sites
+from stagectl.calibration.enough_sites import require_enough_sites
 from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.calibration.insert_sites import insert_sites
 from stagectl.calibration.outcome import (
@@ -38,6 +39,7 @@ __all__ = [
     "predicted_gains",
     "reached_gains",
     "read_calibration",
+    "require_enough_sites",
     "rewrite_all_documents",
     "site_outcomes",
     "visited_sites",

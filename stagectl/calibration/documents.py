@@ -18,7 +18,7 @@ from stagectl.config.machine.file import parse_machine
 from stagectl.history import StageKey
 from stagectl.report import friction_map_used
 from stagectl.run import document_paths, is_calibration, rewrite_documents
-from stagectl.store import RECORDING_NAME, read_notes
+from stagectl.store import read_notes, recording_in
 
 
 def rewrite_all_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
@@ -36,7 +36,7 @@ def rewrite_all_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]
         StagectlError: a file cannot be written.
     """
     summary, written = rewrite_documents(path)
-    recording = path / RECORDING_NAME if path.is_dir() else path
+    recording = recording_in(path)
     if is_calibration(recording):
         page = document_paths(recording)[1]
         write_calibration_report(page, _recorded_report(recording, summary))

@@ -2,48 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from stagectl.cli.bus_access import Bench, bench_options
-from stagectl.cli.options import NumberRange
+from stagectl.cli.options import NumberRange, Quantity
 from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings
     from drivers.stage import Stage
-    from stagectl.config.parsing.units import Dimension
 
 _JOG_VELOCITY = 10e-3
 _JOG_ACCELERATION = 1.0
 """Default profile of a jog, reduced to the axis limits [m/s, m/s^2]."""
 _SLICE = 0.05  # between looks at Ctrl-C [s]
 _NEGATIVE = {"ignore_unknown_options": True}  # -2mm is a distance, not an option
-
-
-class Quantity(click.ParamType[float]):
-    """A number in SI units, or a number with its unit, such as `-50um`."""
-
-    def __init__(self, dimension: str) -> None:
-        self.name = dimension
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """The value in SI units."""
-        from stagectl.config.parsing import units
-
-        if isinstance(value, float):
-            return value
-        dimension: Dimension = getattr(units, self.name)
-        try:
-            try:
-                return units.parse_quantity(float(value), dimension)
-            except ValueError:
-                return units.parse_quantity(str(value), dimension)
-        except ValueError as error:
-            self.fail(str(error), param, ctx)
 
 
 @click.command

@@ -73,7 +73,7 @@ def command(
     The new map is stored in the history; 'stagectl map activate' puts it into use. Drive settings
     are not changed, and the stage ends at the first site.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.calibration import load_calibration, predicted_gains
+    from stagectl.calibration import load_calibration, predicted_gains, require_enough_sites
     from stagectl.history import FILE_NAME, default_history
 
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
@@ -116,6 +116,7 @@ def command(
             return
         recipe = calibration.at(selected)
     request = replace(request, recipe=recipe)
+    require_enough_sites(request, recipe.sites)
     if dry_run:
         check(request)
         places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
@@ -185,8 +186,9 @@ def _measure(
     )
     from stagectl.cli.progress import RunProgress
     from stagectl.config import is_server, without_password
-    from stagectl.errors import StagectlError, UnusableInput
+    from stagectl.errors import StagectlError
     from stagectl.history import StageKey
+    from stagectl.maps import TooFewPlaces
     from stagectl.report import friction_map_used, resume_command
     from stagectl.run import Listener, execute
 
@@ -204,7 +206,7 @@ def _measure(
             if result.unwritten is not None:
                 raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
             version, before_it, changes = _new_map(request, stage)
-        except UnusableInput as error:  # such as too few sites
+        except TooFewPlaces as error:
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
         except StagectlError as error:
             failed = StagectlError(f"no new map: {error}")
@@ -267,7 +269,7 @@ def _new_map(
         The map, the version before, and the changes from that one.
 
     Raises:
-        UnusableInput: there are too few data for a map.
+        TooFewPlaces: no axis was measured at enough of them.
         StagectlError: the history cannot be read or written.
     """
     from stagectl.history import open_history

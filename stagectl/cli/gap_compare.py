@@ -10,7 +10,7 @@ import click
 
 from stagectl.cli.console import console_for, progress_bar
 from stagectl.cli.gap_measure import gap_table, measured_gap
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from sim2real.gap import Gap
@@ -26,22 +26,23 @@ Settling = dict[str, dict[str, "MoveStatistics"]]
 
 
 @click.command("compare")
-@click.argument("first", type=FILE, metavar="A")
-@click.argument("second", type=FILE, metavar="B")
-@click.argument("recordings", type=FILE, nargs=-1, metavar="[REC.h5]...")
+@click.argument("first", type=RECORDING, metavar="A")
+@click.argument("second", type=RECORDING, metavar="B")
+@click.argument("recordings", type=RECORDING, nargs=-1, metavar="[REC.h5]...")
 @JSON_OUT
 def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
     """Compare two machine files on the same recordings: which one is closer, and by how much.
 
-    A and B are machine files, or two recordings: then the machine files are those inside, and both
-    are the recordings compared on. Nothing is fitted. Gap closed is the share of A's gap above its
-    floor that B removes. How the moves of each recording settled stands beside it.
+    A and B are machine files, or two recordings or folders of runs: then the machine files are
+    those inside, and both are the recordings compared on. Nothing is fitted. Gap closed is the
+    share of A's gap above its floor that B removes. How the moves of each recording settled stands
+    beside it.
 
     \b
     Which machine file is closer?
       stagectl gap compare MACHINE.yaml TWIN.yaml REC.h5
     What did the twin change, from one run to the next?
-      stagectl gap compare BEFORE/recording.h5 AFTER/recording.h5
+      stagectl gap compare runs/BEFORE runs/AFTER
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from sim2real.gap import gap_closed, pool_gaps
     from sim2real.report import FORMAT, VERSION, GapFigures, gap_json

@@ -13,7 +13,7 @@ from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import HTML, MACHINE_FILE, RECIPE_FILE
 from stagectl.cli.files import Output
 from stagectl.cli.gap_measure import gap_table, machine_of
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -38,7 +38,7 @@ _VERDICTS = {
 
 
 @click.command("diagnose")
-@click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
+@click.argument("recordings", type=RECORDING, nargs=-1, required=True, metavar="REC.h5...")
 @click.option(
     "--machine", type=FILE, help="Machine file to examine.  [default: the recordings' own]"
 )
@@ -46,7 +46,7 @@ _VERDICTS = {
 @click.option(
     "--check",
     "checks",
-    type=FILE,
+    type=RECORDING,
     multiple=True,
     metavar="REC.h5",
     help="Judge the causes on this recording too, which takes no part in finding them; repeatable.",

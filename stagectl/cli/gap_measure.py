@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import ProgressUpdate, console_for, progress_bar
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @click.command("measure")
-@click.argument("recording", type=FILE)
+@click.argument("recording", type=RECORDING)
 @click.option(
     "--machine", type=FILE, help="Machine file to simulate.  [default: the recording's own]"
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from estimation.offline import Figure, Identification
@@ -20,7 +20,7 @@ FORMAT, VERSION = "stagectl-friction", 1
 
 
 @click.command
-@click.argument("recordings", type=FILE, nargs=-1, required=True)
+@click.argument("recordings", type=RECORDING, nargs=-1, required=True)
 @click.option(
     "--machine",
     type=FILE,

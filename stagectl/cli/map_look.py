@@ -16,7 +16,7 @@ from stagectl.cli.history_access import (
     history_options,
     select_version,
 )
-from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT, NumberRange, Quantity, is_json_on_stdout, write_json
 
 
 @click.command("show")
@@ -25,7 +25,13 @@ from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write
 @click.option(
     "--html", type=Output(HTML), help="Write heat maps, trends and changes as an HTML page."
 )
-@click.option("--at", nargs=2, type=float, metavar="X Y", help="Also print the map's value at [m].")
+@click.option(
+    "--at",
+    nargs=2,
+    type=Quantity("LENGTH"),
+    metavar="X Y",
+    help="Also print the map's value at this place, in m or with a unit: 10mm -5mm.",
+)
 @JSON_OUT
 def show(
     open_history: OpenHistory, number: int | None, html: Path | None,
@@ -35,12 +41,7 @@ def show(
 
     Without NUMBER: the version in use, or the latest if none is.
     """
-    from math import isfinite
-
     from stagectl.maps import at_place, map_versions, summary, version_as_json, write_map_report
-
-    if at is not None and not all(map(isfinite, at)):
-        raise click.BadParameter("must be two finite numbers, in m", param_hint="--at")
 
     with open_history() as (opened, stage):
         version = select_version(opened, stage, number)

@@ -7,16 +7,48 @@ import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from stagectl.cli.file_kinds import JSON
 from stagectl.cli.files import Input, Output, check_output
 
+if TYPE_CHECKING:
+    from stagectl.config.parsing.units import Dimension
+
 DATA = Path(__file__).parents[1] / "data"
 FILE = Input()
 """A file to read."""
+
+
+class Recording(Input):
+    """A recording, by its path or by the folder of its run."""
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | bytes | os.PathLike[str]:
+        """The file; other files are passed on as they are: whoever reads it has the message."""
+        path = Path(value)
+        if not path.is_dir():
+            return path
+        from stagectl.store import recording_in
+
+        return recording_in(path)
+
+    def is_at(self, value: Path, path: Path) -> bool:
+        """Whether a path is the recording; or another file of its run, where it stands for that."""
+        from stagectl.store import RECORDING_NAME
+
+        of_run = value.name == RECORDING_NAME and super().is_at(value.parent, path)
+        return of_run or super().is_at(value, path)
+
+
+RECORDING = Recording()
+"""A recording to read; in its place the folder of a run."""
 
 
 class _Packaged(Input):
@@ -76,6 +108,30 @@ class NumberRange(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value} is not a number", param, ctx)
         return number
+
+
+class Quantity(click.ParamType[float]):
+    """A number in SI units, or a number with its unit, such as `-50um`."""
+
+    def __init__(self, dimension: str) -> None:
+        self.name = dimension
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The value in SI units."""
+        from stagectl.config.parsing import units
+
+        if isinstance(value, float):
+            return value
+        dimension: Dimension = getattr(units, self.name)
+        try:
+            try:
+                return units.parse_quantity(float(value), dimension)
+            except ValueError:
+                return units.parse_quantity(str(value), dimension)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
 
 
 class _Line(click.ParamType[str]):

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from stagectl.cli.options import FILE
+from stagectl.cli.options import RECORDING
 
 
 @click.command
-@click.argument("run", type=FILE)
+@click.argument("run", type=RECORDING)
 def command(run: Path) -> None:
     """Make summary.json and report.html of RUN again, from its recording.
 

@@ -66,7 +66,7 @@ class SqliteDatabase:
             raise UnusableInput(f"{path}: is a folder, not a history")
         if not write and not path.is_file():
             raise NoHistory(f"{path}: no such history")
-        mode = "mode=rwc" if write else "mode=ro&immutable=1" if _is_read_only(path) else "mode=ro"
+        mode = "mode=rwc" if write else _mode_to_read(path)
         try:
             self._connection = sqlite3.connect(
                 f"{path.absolute().as_uri()}?{mode}", uri=True, isolation_level=None,
@@ -75,6 +75,8 @@ class SqliteDatabase:
         except sqlite3.Error as error:
             raise _refusal(self.name, error) from error
         try:
+            if not write:
+                self.execute("PRAGMA query_only = ON")
             self._check(write)
         except BaseException:
             self._connection.close()
@@ -148,14 +150,16 @@ class SqliteDatabase:
         self._connection.close()
 
 
-def _is_read_only(path: Path) -> bool:
-    """Whether the folder is read-only and the file complete.
+def _mode_to_read(path: Path) -> str:
+    """How SQLite opens a file to read it, such that no new files stay next to it.
 
-    SQLite is then opened in a way that creates no files next to it. If there is a log (`-wal`), the
-    database file is not complete: the last commits are only in the log.
+    It makes two (`-wal`, `-shm`), and the last of its users takes them away, but only one that may
+    write. In a folder that cannot be written it needs none, unless a log holds the last commits.
     """
+    if os.access(path.absolute().parent, os.W_OK):
+        return "mode=rw"
     log = path.with_name(f"{path.name}-wal")
-    return not os.access(path.absolute().parent, os.W_OK) and not log.exists()
+    return "mode=ro" if log.exists() else "mode=ro&immutable=1"
 
 
 def _refusal(name: str, error: sqlite3.Error) -> StagectlError:

@@ -41,8 +41,9 @@ class PostgresDatabase:
         write: False opens it for reading only.
 
     Raises:
-        UnusableInput: psycopg is not installed, or the tables were made by a newer version.
-        StagectlError: the server cannot be reached or refuses.
+        UnusableInput: psycopg is not installed, the server cannot be reached or refuses, or the
+            tables were made by a newer version.
+        StagectlError: the connection is lost.
     """
 
     def __init__(self, url: str, write: bool = True) -> None:
@@ -66,7 +67,7 @@ class PostgresDatabase:
             if name == UNNAMED:  # libpq's message quotes what it takes for a port or a key
                 raise UnusableInput(f"{name}: {_ADDRESS}") from None
             reason = hide_passwords(_one_line(error), url)
-            raise StagectlError(f"{name}: {reason}") from None
+            raise UnusableInput(f"{name}: {reason}") from None
         self._watchdog = Watchdog(self._connection.fileno(), PATIENCE)
         info = self._connection.info
         self.name = f"postgresql://{info.host}:{info.port}/{info.dbname}"

@@ -7,7 +7,7 @@ replay), `output` (tables, pages, files).
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
 from stagectl.maps.applicable import outdated, problems, sites_outside
-from stagectl.maps.build import build_map
+from stagectl.maps.build import LEAST_SITES, TooFewPlaces, build_map
 from stagectl.maps.compare import AxisChange, SiteChange, compare
 from stagectl.maps.learning import tracking_settings
 from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
@@ -24,6 +24,7 @@ from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
 
 __all__ = [
+    "LEAST_SITES",
     "SITE_RADIUS",
     "ActiveMap",
     "AxisChange",
@@ -32,6 +33,7 @@ __all__ = [
     "MapVersion",
     "PlaceIndex",
     "SiteChange",
+    "TooFewPlaces",
     "TrackedPlaces",
     "activation_as_json",
     "at_place",

@@ -24,6 +24,12 @@ from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
 """Fewer places make no map."""
+
+
+class TooFewPlaces(UnusableInput):
+    """The places measured make no map."""
+
+
 GATHERED = 100
 """Latest measurements of each place and axis used: earlier ones add nothing, and a year of
 production would take hours."""
@@ -54,7 +60,7 @@ def build_map(
         settings: of the tracking, by axis; default: the same for all.
 
     Raises:
-        UnusableInput: there are too few places.
+        TooFewPlaces: no axis was measured at enough of them.
     """
     measured = history.measurements(stage, since, until, limit_per_place(history, stage, GATHERED))
     by_axis: dict[str, list[Measurement]] = {}
@@ -68,9 +74,9 @@ def build_map(
         used = (settings or {}).get(axis, TrackingSettings())
         axes[axis] = MapAxis(*_axis(entries, used), _figures(history, stage, axis, until))
     if not axes:
-        raise UnusableInput(
-            f"{history.name}: {stage}: no axis was measured at {LEAST_SITES} places or more; "
-            "run 'stagectl calibrate' first"
+        raise TooFewPlaces(
+            f"{history.name}: {stage}: a map takes {LEAST_SITES} places measured on one axis; "
+            "'stagectl calibrate' visits them"
         )
     return FrictionMap(stage, max(entry.time for entry in measured), axes)
 

@@ -15,6 +15,7 @@ from .journal_reader import read_journal_notes
 from .journal_to_recording import (
     RECORDING_NAME,
     RECOVERED_NAME,
+    recording_in,
     recover_folder,
     recover_journal,
     recover_left_over,
@@ -64,6 +65,7 @@ __all__ = [
     "read_log",
     "read_notes",
     "read_recording",
+    "recording_in",
     "recover_folder",
     "recover_journal",
     "recover_left_over",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stagectl.errors import UnusableInput
 from stagectl.store.bus_log import recover_log
-from stagectl.store.journal import FILE_NAME, locked_journal
+from stagectl.store.journal import FILE_NAME, locked_journal, refuse_in_progress
 from stagectl.store.journal_reader import JournalContent, parse_journal
 from stagectl.store.recording import read_recording, write_recording
 from stagedata import Recording
@@ -15,6 +16,27 @@ from stagedata import Recording
 RECORDING_NAME = "recording.h5"
 RECOVERED_NAME = "recording-recovered.h5"
 """Name for a killed run's recording where another run is about to write its own."""
+
+
+def recording_in(path: Path) -> Path:
+    """The recording that a path stands for: itself, or that of the run whose folder it is.
+
+    Raises:
+        UnusableInput: a folder without one; `recover` makes that of a killed run.
+        StagectlError: a folder whose run is still in progress.
+    """
+    if not path.is_dir():
+        return path
+    found = path / RECORDING_NAME
+    if found.exists():
+        return found
+    if (path / FILE_NAME).exists():
+        refuse_in_progress(path)
+        raise UnusableInput(
+            f"{path}: its run was killed; 'stagectl recover {shlex.quote(str(path))}' makes "
+            f"{RECORDING_NAME}"
+        )
+    raise UnusableInput(f"{path}: holds no {RECORDING_NAME}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

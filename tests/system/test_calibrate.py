@@ -76,6 +76,17 @@ def test_a_dry_run_checks_what_the_run_checks_and_writes_nothing(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"sites.yaml", "truth.yaml"}
 
 
+def test_too_few_sites_for_a_map_are_refused_before_anything_moves(tmp_path):
+    """Two of these four are one place."""
+    few = tmp_path / "few.yaml"
+    few.write_text("calibrate: few\nsites: [[0, 0], [0.001, 0], [0.02, 0.02], [0, 0.02]]\n")
+    run = ("calibrate", few, "--simulate", "--out", tmp_path / "run")
+    for more in ((), ("--dry-run",)):
+        said = stagectl(*run, *more, code=2)
+        assert "few.yaml: sites: 3 make no map, those in the history included; it takes 4" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["few.yaml"]
+
+
 @pytest.fixture(scope="module")
 def killed(machine, tmp_path_factory):
     """A calibration of four sites, killed behind the second one."""
@@ -211,7 +222,9 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     assert page.read_text().count("<svg") == 2 * (2 + 4)  # two heat maps and the trends of an axis
     assert "map 2" in stagectl("map", "build", *where, "--comment", "again")
     assert "map 1 to 2: all sites" in stagectl("map", "compare", "1", "2", *where)
-    assert "finite" in stagectl("map", "show", *where, "--at", "nan", "0", code=None)
+    assert "is 'nan'" in stagectl("map", "show", *where, "--at", "nan", "0", code=None)
+    there = stagectl("map", "show", *where, "--at", "10mm", "-5mm")
+    assert "at (10, -5) mm" in there
     stagectl("map", "activate", "1", "--check", *where)
     assert "no map is in use" in stagectl("map", "rollback", *where, code=2)
     stagectl("map", "activate", "1", *where)

@@ -21,6 +21,7 @@ from tests.signals import listening
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
+SITES = "calibrate: c\nsites: [[0, 0], [0.01, 0], [0.02, 0], [0.03, 0]]\n"
 DATA = ROOT / "tests" / "data"
 SHORT = short_recipe((0.001, 0.001), (0.003, 0.002))
 
@@ -207,7 +208,9 @@ def test_gap_measure(stagectl, tmp_path):
 def test_a_bus_that_cannot_be_opened_is_unusable_input_and_leaves_nothing(
     stagectl, tmp_path, command, bus
 ):
-    (tmp_path / "sites.yaml").write_text("calibrate: c\nsites: [[0.0, 0.0], [0.01, 0.0]]\n")
+    (tmp_path / "sites.yaml").write_text(
+        "calibrate: c\nsites: [[0, 0], [0.01, 0], [0.02, 0], [0.03, 0]]\n"
+    )
     done = stagectl(*command, "--bus", bus, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines()[-1].startswith(f"stagectl: bus {bus}: cannot open: ")
@@ -449,7 +452,9 @@ def test_what_could_not_be_written_is_refused_before_the_work(stagectl, tmp_path
 )
 def test_a_folder_that_cannot_be_used_is_unusable_input(stagectl, tmp_path, command):
     (tmp_path / "file").touch()
-    (tmp_path / "sites.yaml").write_text("calibrate: c\nsites: [[0, 0], [0.01, 0]]\n")
+    (tmp_path / "sites.yaml").write_text(
+        "calibrate: c\nsites: [[0, 0], [0.01, 0], [0.02, 0], [0.03, 0]]\n"
+    )
     names = {"out": tmp_path / "out", "sites": tmp_path / "sites.yaml"}
     done = stagectl(*(str(part).format(tmp_path / "file", **names) for part in command))
     assert done.returncode == 2, done.stderr

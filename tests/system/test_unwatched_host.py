@@ -11,7 +11,7 @@ from stagectl.store import read_notes
 from tests.short_recipe import short_recipe
 
 SAID = "axis x: 0x1016:01 consumer heartbeat time"
-SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0, 0.02]]\n"
+SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0, 0.02], [0.02, 0.02]]\n"
 
 
 @pytest.fixture

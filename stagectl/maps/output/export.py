@@ -17,7 +17,7 @@ from stagectl.maps.model import MapVersion
 from stagectl.store import write_atomically
 
 _ALL = 10**9
-Cell = str | float | int | bool | None
+Cell = str | float | int | bool | datetime | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ def sites_table(version: MapVersion) -> Table:
         [
             (
                 version.number, name, *site.place, site.coulomb, site.coulomb * site.sigma,
-                iso(site.measured), site.count,
+                _when(site.measured), site.count,
             )
             for name, axis in version.map.axes.items() for site in axis.sites
         ],
@@ -83,7 +83,7 @@ def trend_table(history: History, stage: StageKey) -> Table:
             for k in range(len(trend)):
                 row: dict[str, Cell] = {
                     "axis": axis, "x_m": place[0], "y_m": place[1],
-                    "time": iso(float(trend.time[k])), "kind": trend.kind[k],
+                    "time": _when(float(trend.time[k])), "kind": trend.kind[k],
                     **_run(trend.run[k], runs),
                 }  # fmt: skip
                 for name, values in trend.values.items():
@@ -101,7 +101,7 @@ def refused_table(history: History, stage: StageKey) -> Table:
     return _table(
         [
             {
-                "axis": e.axis, "x_m": e.place[0], "y_m": e.place[1], "time": iso(e.time),
+                "axis": e.axis, "x_m": e.place[0], "y_m": e.place[1], "time": _when(e.time),
                 "kind": e.kind, **_run(e.run, runs), "site": e.site, "distance_m": e.distance,
                 "reason": e.reason,
             }
@@ -139,7 +139,9 @@ def write_table(table: Table, path: Path) -> None:
         text = io.StringIO()
         writer = csv.writer(text)
         writer.writerow(table.columns)
-        writer.writerows(table.rows)
+        writer.writerows(
+            [iso(c) if isinstance(c, datetime) else c for c in row] for row in table.rows
+        )
         data = text.getvalue().encode()
     elif path.suffix == ".parquet":
         data = _parquet(table)
@@ -148,9 +150,14 @@ def write_table(table: Table, path: Path) -> None:
     write_atomically(path, data, "table")
 
 
-def iso(time: float) -> str:
-    """Seconds since 1970 as ISO 8601 in UTC."""
-    return datetime.fromtimestamp(time, UTC).isoformat(timespec="milliseconds")
+def _when(time: float) -> datetime:
+    """Seconds since 1970 as a time in UTC."""
+    return datetime.fromtimestamp(time, UTC)
+
+
+def iso(time: datetime) -> str:
+    """ISO 8601, to the millisecond."""
+    return time.isoformat(timespec="milliseconds")
 
 
 def _parquet(table: Table) -> bytes:

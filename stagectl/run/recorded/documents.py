@@ -20,6 +20,7 @@ from stagectl.store import (
     read_ledger,
     read_notes,
     read_recording,
+    recording_in,
     write_summary,
 )
 from stagedata import Recording
@@ -86,10 +87,9 @@ def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
         ConfigError: its machine file cannot be used any more.
         StagectlError: a file cannot be written.
     """
-    found = path / RECORDING_NAME if path.is_dir() else path
+    found = recording_in(path)
     if not found.exists():
-        missing = f"holds no {RECORDING_NAME}" if path.is_dir() else "no such run"
-        raise UnusableInput(f"{path}: {missing}")
+        raise UnusableInput(f"{path}: no such run")
     notes, recording, machine = read_run(found)
     summary = write_documents(notes, recording, read_ledger(found), machine, found)
     return summary, document_paths(found)[: 1 if is_calibration(found) else 2]

@@ -15,7 +15,7 @@ from stagectl.cli import cli
 from stagectl.cli.file_kinds import ANY, HTML, JSON, MACHINE_FILE, PAGE, RECIPE_FILE, TABLE
 from stagectl.cli.files import HistoryFile, Input, InputFolder, NamesFile, Output, OutputFolder
 from stagectl.cli.lazy import LazyGroup
-from stagectl.cli.options import DATA
+from stagectl.cli.options import DATA, Recording
 
 
 def commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
@@ -61,6 +61,7 @@ def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> No
     """Under the same name, through a link, and through a second name of the same file."""
     monkeypatch.chdir(tmp_path)
     Path("else").mkdir()
+    Path("else/recording.h5").touch()
     Path("file").write_text("precious")
     Path("link").symlink_to("file")
     os.link("file", "second")
@@ -83,6 +84,7 @@ def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> No
 def test_no_command_replaces_a_file_of_another_kind(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("else").mkdir()
+    Path("else/recording.h5").touch()
     Path("notes.csv").write_text("Remember: the key is under the mat\n")
     for words, command in commands():
         for out in command.params:
@@ -97,13 +99,15 @@ def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("else").mkdir()
+    Path("else/recording.h5").touch()
     Path("file").mkdir()
     Path("file/summary.json").write_text("{}")
+    Path("file/recording.h5").touch()
     tried = []
     for words, command in commands():
         for out in command.params:
             for other in command.params:
-                folder = isinstance(other.type, InputFolder | OutputFolder)
+                folder = isinstance(other.type, InputFolder | OutputFolder | Recording)
                 if folder and isinstance(out.type, Output):
                     pair = {str(other.name): "file", str(out.name): "file/summary.json"}
                     code, said = call(words, command, pair)
@@ -113,7 +117,7 @@ def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
                     pair = {str(other.name): "file", str(out.name): "file"}
                     code, said = call(words, command, pair)
                     assert (code, "an output must be" in said) == (2, True), (words, pair, said)
-    assert {"run", "calibrate", "runs", "replay"} <= set(tried)
+    assert {"run", "calibrate", "runs", "replay", "measure", "identify"} <= set(tried)
 
 
 def test_a_history_made_by_the_command_itself_is_not_replaced(tmp_path: Path, monkeypatch) -> None:

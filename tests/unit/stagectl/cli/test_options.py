@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from stagectl.cli import cli
 from stagectl.cli.files import Output
-from stagectl.cli.options import JSON_FILE, NumberRange
+from stagectl.cli.options import JSON_FILE, RECORDING, NumberRange
 
 
 @pytest.mark.parametrize(
@@ -36,6 +36,20 @@ def test_a_number_within_its_range_is_accepted() -> None:
     assert NumberRange(0.0, 2.0).convert("1.5", None, None) == 1.5
     with pytest.raises(click.BadParameter):
         NumberRange(0.0, 2.0).convert("2.5", None, None)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["gap measure RUN", "gap diagnose RUN", "gap diagnose r.h5 --check RUN", "gap compare RUN r.h5",
+     "gap compare m.yaml RUN r.h5", "gap compare m.yaml n.yaml RUN", "identify RUN", "report RUN"],
+)  # fmt: skip
+def test_the_folder_of_a_run_is_taken_for_its_recording(command: str, tmp_path: Path) -> None:
+    """Looked into in one place, which is what this folder without one shows."""
+    arguments = [word.replace("RUN", str(tmp_path)) for word in command.split()]
+    failed = CliRunner().invoke(cli, arguments).exception
+    assert str(failed) == f"{tmp_path}: holds no recording.h5"
+    (tmp_path / "recording.h5").touch()
+    assert RECORDING.convert(tmp_path, None, None) == tmp_path / "recording.h5"
 
 
 def test_output_files_are_checked_before_the_work(tmp_path: Path) -> None:

@@ -74,6 +74,27 @@ def test_every_older_version_is_migrated(tmp_path, monkeypatch):
         open_history(path).close()
 
 
+def test_reading_leaves_no_files_beside_a_history(tmp_path, a_run):
+    path = tmp_path / "stage.db"
+    history = open_history(str(path), write=True)
+    history.start_run(a_run())
+    history.close()
+    before = path.read_bytes()
+    read = open_history(str(path))
+    assert len(read.stages()) == 1
+    with pytest.raises(StagectlError):
+        read.start_run(a_run())
+    read.close()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["stage.db"]
+    assert path.read_bytes() == before
+
+
+def test_a_server_that_cannot_be_reached_is_no_history(tmp_path):
+    pytest.importorskip("psycopg")
+    with pytest.raises(UnusableInput, match=r"postgresql://127\.0\.0\.1:1/stage"):
+        open_history("postgresql://lab@127.0.0.1:1/stage")
+
+
 def test_a_history_can_be_read_in_a_read_only_folder(tmp_path, a_run):
     """Kept on a share, say; who may write anywhere, root, sees nothing of it."""
     kept = tmp_path / "kept"

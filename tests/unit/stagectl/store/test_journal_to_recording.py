@@ -19,6 +19,7 @@ from stagectl.store import (
     Journal,
     read_ledger,
     read_recording,
+    recording_in,
     recover_journal,
     recover_left_over,
 )
@@ -99,6 +100,20 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
     assert len(read_recording(recovered.path)) >= reported[-1]
     assert str(recovered.path) in recovered.describe()
     assert recover_left_over(tmp_path) is None
+
+
+def test_the_folder_of_a_run_stands_for_its_recording(tmp_path: Path):
+    with pytest.raises(UnusableInput, match=r"holds no recording\.h5"):
+        recording_in(tmp_path)
+    journal = written(tmp_path)
+    with pytest.raises(StagectlError, match="in progress"):
+        recording_in(tmp_path)
+    journal.close()
+    with pytest.raises(UnusableInput, match=r"its run was killed; 'stagectl recover .*' makes"):
+        recording_in(tmp_path)
+    recover_journal(journal.path)
+    assert recording_in(tmp_path) == tmp_path / "recording.h5"
+    assert recording_in(tmp_path / "other.h5") == tmp_path / "other.h5"
 
 
 def test_the_recording_of_another_run_is_kept(tmp_path: Path):

@@ -1,6 +1,7 @@
 """Tables and the page of a map."""
 
 import csv
+import re
 
 import pytest
 
@@ -49,9 +50,13 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     with path.open() as file:
         rows = list(csv.DictReader(file))
     assert float(rows[0]["coulomb_N"]) == built.axes["x"].sites[0].coulomb
+    assert re.fullmatch(r"\S{10}T\S{8}\.\d{3}\+00:00", rows[0]["measured"])
     parquet = pytest.importorskip("pyarrow.parquet")
     write_table(estimates, tmp_path / "e.parquet")
-    assert parquet.read_table(tmp_path / "e.parquet").num_rows == 208
+    table = parquet.read_table(tmp_path / "e.parquet")
+    assert table.num_rows == 208
+    assert str(table.schema.field("time").type) == "timestamp[us, tz=UTC]"
+    assert min(table["time"].to_pylist()).timestamp() == pytest.approx(BEGIN, abs=3600)
     with pytest.raises(UnusableInput, match=r"\.csv or \.parquet"):
         write_table(sites, tmp_path / "sites.xlsx")
     page = render(history, STAGE, version, version)
