@@ -16,7 +16,7 @@ def at_rest(position=0.0, **misreading):
 
 
 def plant(noise=0.0, misreading=-1):
-    return SimpleNamespace(increment=1e-9, noise=noise, misreading=misreading)
+    return SimpleNamespace(increment=1e-9, noise=noise, misreading=misreading, on_load=False)
 
 
 def test_readings_are_whole_increments_with_the_noise_inside():
