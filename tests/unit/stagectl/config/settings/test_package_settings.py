@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from drivers import objects as od
+from drivers.drive import unit
 from hil_sim import Quirks
 from stagectl.config import driver_settings, load_machine, parse_machine, stage_settings
 from stagectl.errors import ConfigError
@@ -85,6 +87,20 @@ def test_units_that_are_not_written_are_a_default_and_no_knowledge() -> None:
         assert virtual.unit == axis.increment
         assert virtual.velocity_unit == axis.velocity_unit_si
         assert virtual.acceleration_unit == axis.acceleration_unit_si
+
+
+def test_the_files_units_are_those_in_which_the_drivers_write() -> None:
+    """Observer, journal and checks of the file count in them too."""
+    text = load_machine().text
+    for rated in ("rated_force: 40.0", "rated_force: 60.0"):
+        units = "position_unit: 5 nm\n      velocity_unit: 3 um/s\n      acceleration_unit: 7e-4"
+        text = text.replace(rated, f"{units}\n      {rated}")
+    for machine in (load_machine(), parse_machine(text, "m.yaml")):
+        for axis, settings in zip(machine.axes.values(), driver_settings(machine)[1], strict=True):
+            assert axis.drive.position_unit == unit(settings, od.TARGET_POSITION)
+            assert axis.drive.velocity_count == unit(settings, od.PROFILE_VELOCITY)
+            assert axis.drive.acceleration_count == unit(settings, od.PROFILE_ACCELERATION)
+            assert axis.drive.force_unit == unit(settings, od.FORCE_OFFSET)
 
 
 def test_a_named_eds_is_relative_to_the_machine_file(tmp_path: Path) -> None:
