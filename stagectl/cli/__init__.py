@@ -30,7 +30,7 @@ COMMANDS = {
     "effects": ("stagectl.cli.effects", "List the physical effects of the simulator."),
     "identify": ("stagectl.cli.identify", "Estimate friction parameters from recordings."),
     "map": ("stagectl.cli.map", "Show, activate and compare friction maps."),
-    "history": ("stagectl.cli.history", "Import runs into the friction history."),
+    "history": ("stagectl.cli.history", "List and import runs of the friction history."),
     "calibrate": ("stagectl.cli.calibrate", "Measure friction at fixed sites and build a map."),
     "paper": ("stagectl.cli.paper", "Reproduce the source paper's tables and claims."),
     "runs": ("stagectl.cli.runs", "List runs with recipe, time, lot, wafer, operator and outcome."),

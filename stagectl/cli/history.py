@@ -1,4 +1,4 @@
-"""`stagectl history`: maintenance of the friction history."""
+"""`stagectl history`: the friction history, and its maintenance."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import FILE
 
 COMMANDS = {
+    "list": ("stagectl.cli.history_list:list_runs", "List runs and the friction they have shown."),
     "import": ("stagectl.cli.history:import_run", "Add a run's estimates to its history."),
 }
 

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich import box
-from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from stagectl.cli.wide import Wide
 from stagectl.report import friction_map_used, interruption, resume_command, verdict
 from stagectl.run import RunResult
 from stagectl.store import SPOOL_NAME
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
 _ORDER = {"macro": 0, "micro": 1}
-_WIDTH = 80
 _MAX_LISTED = 10  # refused estimates and failed sites
 
 
@@ -59,22 +58,12 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
     command = resume_command(summary)
     if command is not None:
         parts.append(_whole(f"to continue: {command}"))
-    return _Wide(Group(*parts))
+    return Wide(Group(*parts))
 
 
 def _whole(text: str, style: str = "") -> Text:
     """A line with a command to copy: only the terminal itself may break it."""
     return Text(text, style=style, no_wrap=True, overflow="ignore")
-
-
-@dataclass(frozen=True, slots=True)
-class _Wide:
-    """At least as wide as the tables: a narrow terminal wraps their lines instead of cutting."""
-
-    inner: RenderableType
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield from console.render(self.inner, options.update(width=max(options.max_width, _WIDTH)))
 
 
 def _table(title: str) -> Table:

@@ -12,6 +12,8 @@ from stagectl.history.records import (
     Measurement,
     Pair,
     RunEntry,
+    RunFilter,
+    RunFriction,
     StageKey,
     StepRecord,
     StoredMap,
@@ -61,6 +63,9 @@ class History(Protocol):
 
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
         """Number, entry and outcome of the last runs, newest first."""
+
+    def friction_of_runs(self, stage: StageKey, wanted: RunFilter) -> list[RunFriction]:
+        """The last runs that a filter leaves, newest first, with the friction they have shown."""
 
     def stages(self) -> list[StageKey]:
         """All stages in the history."""

@@ -69,6 +69,59 @@ class RunEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class RunFilter:
+    """Which runs to list.
+
+    Attributes:
+        recipe, lot, wafer, purpose: of the run; None for any.
+        since, until: it began between these [s since 1970].
+        last: at most so many, the last ones.
+    """
+
+    recipe: str | None = None
+    lot: str | None = None
+    wafer: str | None = None
+    purpose: str | None = None
+    since: float = -math.inf
+    until: float = math.inf
+    last: int = 100
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFriction:
+    """What a run has shown of an axis.
+
+    Attributes:
+        estimates: made, of which `accepted` were accepted.
+        accepted: their number.
+        coulomb, sigma: Coulomb force accepted last, and its standard deviation [N]; None where
+            nothing was accepted, or the friction law has no such figure.
+    """
+
+    estimates: int
+    accepted: int
+    coulomb: float | None
+    sigma: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class RunFriction:
+    """A run in the history.
+
+    Attributes:
+        number: of the run in the history.
+        entry: as entered.
+        outcome: or None where it is not known.
+        axes: name -> friction, of those that have estimates.
+    """
+
+    number: int
+    entry: RunEntry
+    outcome: str | None
+    axes: Mapping[str, AxisFriction]
+
+
+@dataclass(frozen=True, slots=True)
 class EstimateRecord:
     """Friction of one axis as estimated from one move.
 

@@ -18,7 +18,8 @@ from stagectl.history.records import (
     StepRecord,
     Wear,
 )
-from stagectl.history.sql_series import FAR, SqlSeries, covariance, micrometres
+from stagectl.history.sql_runs import SqlRuns
+from stagectl.history.sql_series import FAR, covariance, micrometres
 
 _ESTIMATE = (
     "e.run, e.axis, e.kind, e.site, p.x_um, p.y_um, e.time, e.distance, e.accepted, e.reason, "
@@ -26,7 +27,7 @@ _ESTIMATE = (
 )
 
 
-class SqlHistory(SqlSeries):
+class SqlHistory(SqlRuns):
     """`port.History` on a database.
 
     Args:
@@ -105,17 +106,6 @@ class SqlHistory(SqlSeries):
                 rows,
             )
         self._places |= made  # committed
-
-    def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
-        """As `port.History`."""
-        rows = self._database.execute(
-            "SELECT r.id, r.started, r.recipe, r.lot, r.wafer, r.software, r.folder, r.purpose, "
-            "r.seed, r.outcome FROM run r JOIN stage s ON s.id = r.stage "
-            "WHERE s.machine = ? AND s.simulated = ? ORDER BY r.started DESC, r.id DESC LIMIT ?",
-            (stage.machine, int(stage.simulated), last),
-        )
-        axes = self._axes(stage)
-        return [(int(row[0]), RunEntry(stage, axes, *row[1:9]), row[9]) for row in rows]
 
     def stages(self) -> list[StageKey]:
         """As `port.History`."""
@@ -229,14 +219,6 @@ class SqlHistory(SqlSeries):
             json.dumps(dict(e.figures)), struct.pack(f"<{len(e.covariance)}d", *e.covariance),
             e.level, *measured, e.temperature, e.number,
         )  # fmt: skip
-
-    def _axes(self, stage: StageKey) -> tuple[str, ...]:
-        rows = self._database.execute(
-            "SELECT a.axis FROM stage_axis a JOIN stage s ON s.id = a.stage "
-            "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.axis",
-            (stage.machine, int(stage.simulated)),
-        )
-        return tuple(axis for (axis,) in rows)
 
     def _stage_number(self, stage: StageKey) -> int:
         return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.history import StageKey
+from stagectl.history import AxisFriction, RunFilter, StageKey
 
 BEGIN = 1.7e9
 STAGE = StageKey("wafer-xy", True)
@@ -124,3 +124,33 @@ def test_a_reader_reads_while_the_writer_writes(where, opened, a_run, an_estimat
             assert len(reader.trend(STAGE, "x", (0.01, -0.02))) == i + 1
     with pytest.raises(StagectlError):
         readers[0].start_run(a_run())
+
+
+def test_runs_are_listed_with_the_friction_they_accepted_last(where, opened, a_run, an_estimate):
+    history = opened(where)
+    runs = [
+        history.start_run(a_run(started=BEGIN + 100 * k, lot=lot, wafer="W", purpose=purpose))
+        for k, (lot, purpose) in enumerate(
+            [("A", "production"), ("B", "production"), ("A", "calibration")]
+        )
+    ]
+    last = {"figures": {"viscous": 20.0, "coulomb": 6.5}, "covariance": (0.25, 0.0, 0.0, 0.04)}
+    history.add([
+        an_estimate(runs[0], time=BEGIN + 1), an_estimate(runs[0], time=BEGIN + 2, **last),
+        an_estimate(runs[0], time=BEGIN + 3, accepted=False, reason="jump"),
+        an_estimate(runs[0], axis="y", accepted=False, reason="jump"),
+    ])  # fmt: skip
+    history.end_run(runs[0], "completed")
+
+    def numbers(**wanted):
+        return [run.number for run in history.friction_of_runs(STAGE, RunFilter(**wanted))]
+
+    assert numbers() == runs[::-1]
+    assert numbers(lot="A") == [runs[2], runs[0]]
+    assert numbers(lot="A", purpose="production", recipe="r", wafer="W") == [runs[0]]
+    assert numbers(since=BEGIN + 50, until=BEGIN + 150) == [runs[1]]
+    assert numbers(last=1) == [runs[2]]
+    assert numbers(wafer="none") == []
+    *_, first = history.friction_of_runs(STAGE, RunFilter())
+    assert first.outcome == "completed"
+    assert first.axes == {"x": AxisFriction(3, 2, 6.5, 0.2), "y": AxisFriction(1, 0, None, None)}

@@ -62,4 +62,5 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     page = render(history, STAGE, version, version)
     assert page.count("<svg") == 2 * 3 + 50  # with the version before
     assert "a &lt;comment&gt;" in page
+    assert "those from a warm-up lie above the dashed line" in page
     assert "http" not in page.replace("http://www.w3.org", "")
