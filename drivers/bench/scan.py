@@ -12,14 +12,13 @@ from dataclasses import dataclass, field
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
-from drivers.canopen import Network, SdoChannel
+from drivers.canopen import NMT_STATES, Network, SdoChannel
 from drivers.drive import decode
 
 LISTEN = 0.25
 """Time to listen for heartbeats, before and after the requests [s]."""
 _PACE = 0.0005
 _READ_TIMEOUT = 0.2
-_NMT = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 
 
 @dataclass(slots=True)
@@ -91,7 +90,7 @@ def scan(
             state = data[0] & 0x7F
             found = nodes.setdefault(node, Found(node))
             found.hear("heartbeat" if state else "boot-up")
-            found.nmt = _NMT.get(state or 127, f"unknown ({state})")
+            found.nmt = NMT_STATES.get(state or 127, f"unknown ({state})")
 
         return on_frame
 

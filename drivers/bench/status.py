@@ -29,6 +29,11 @@ _MODES = {
 }  # fmt: skip
 
 
+def mode_text(mode: int) -> str:
+    """A mode of operation (0x6060, 0x6061) in words."""
+    return _MODES.get(mode, f"mode {mode}")
+
+
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
     """One axis at one moment; None for what its drive does not report.
@@ -61,7 +66,7 @@ class AxisStatus:
     @property
     def mode_text(self) -> str:
         """The mode in words."""
-        return "-" if self.mode is None else _MODES.get(self.mode, f"mode {self.mode}")
+        return "-" if self.mode is None else mode_text(self.mode)
 
 
 @dataclass(frozen=True, slots=True)

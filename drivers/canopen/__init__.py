@@ -4,6 +4,7 @@ from drivers.canopen.bus import FrameLog, Network, OwnFrame, Tap, open_bus
 from drivers.canopen.clock import Clock, MonotonicClock, delivers_at_once, stamps_of
 from drivers.canopen.direct import DirectBus, direct_bus
 from drivers.canopen.emcy import error_text, register_text
+from drivers.canopen.nmt import NMT_COMMANDS, NMT_STATES
 from drivers.canopen.node import REBOOTED, Node
 from drivers.canopen.other_host import LISTENING
 from drivers.canopen.pdo import MappedObject, PdoMapping, PdoRecord
@@ -12,6 +13,8 @@ from drivers.canopen.sdo_channel import SdoChannel
 
 __all__ = [
     "LISTENING",
+    "NMT_COMMANDS",
+    "NMT_STATES",
     "REBOOTED",
     "Clock",
     "DirectBus",

@@ -232,13 +232,13 @@ class Network(canopen.Network):
             if begin - self._opened <= _JUST_OPENED_NS:
                 begin = self._opened
             else:
-                while (old := self._receive(0.0)) is not None:
+                while (old := self.receive(0.0)) is not None:
                     self.received(old)
                 self.other_host.forget()
             deadline = begin + round(duration * 1e9)
             while True:
                 left = deadline - self.clock.now_ns()
-                message = self._receive(max(0.0, left * 1e-9))
+                message = self.receive(max(0.0, left * 1e-9))
                 if message is not None:
                     self.received(message)
                     self.check_alone()
@@ -271,20 +271,25 @@ class Network(canopen.Network):
             now = self.clock.now_ns()
             if now >= self.service_due:
                 # first the queue: a heartbeat that waits there is not lost
-                while (waiting := self._receive(0.0)) is not None:
+                while (waiting := self.receive(0.0)) is not None:
                     self.received(waiting)
                     if condition():
                         return True
                 self.service(now)
             wait = max(0, min(deadline, self.service_due) - now) if now < deadline else 0
-            message = self._receive(wait * 1e-9)
+            message = self.receive(wait * 1e-9)
             if message is not None:
                 self.received(message)
             elif now >= deadline:
                 return condition()
         return True
 
-    def _receive(self, timeout: float) -> can.Message | None:
+    def receive(self, timeout: float) -> can.Message | None:
+        """The next frame of the bus as it is, not passed on; None after `timeout` [s].
+
+        Raises:
+            BusError: the bus cannot be read.
+        """
         if self.bus is None:
             raise BusError(f"bus {self.label}: is closed")
         try:

@@ -23,6 +23,8 @@ COMMANDS = {
     "enable": ("stagectl.cli.bench:enable", "Enable the drives and hold the stage in place."),
     "home": ("stagectl.cli.bench:home", "Home all axes."),
     "jog": ("stagectl.cli.bench:jog", "Move one axis by a distance."),
+    "sdo": ("stagectl.cli.sdo", "Read and write objects of a drive."),
+    "monitor": ("stagectl.cli.monitor", "Show the frames on the bus in words."),
     "check": ("stagectl.cli.check", "Test a drive against CiA 301 and CiA 402."),
     "bus-budget": ("stagectl.cli.bus_budget", "Check that the PDOs fit into the SYNC period."),
     "observer": ("stagectl.cli.observer", "Show gain and margins of the settling observer."),

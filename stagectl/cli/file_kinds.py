@@ -10,6 +10,8 @@ from pathlib import Path
 
 _HEAD = 1 << 16
 """Bytes of a file that are looked at [B], JSON excepted."""
+_FRAMES = re.compile(rb"date |LOGG|\(\d+\.\d+\) |timestamp,arbitration_id|;\$FILEVERSION")
+"""How logs of frames begin: ASC, BLF, candump, CSV, TRC."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,5 +75,6 @@ HTML = FileKind("an HTML page", lambda head, _: head.lstrip().lower().startswith
 RECORDING = FileKind("a recording", lambda head, _: head.startswith(b"\x89HDF\r\n\x1a\n"))
 MACHINE_FILE = FileKind("a machine file", _has_key("bus"))
 RECIPE_FILE = FileKind("a recipe", _has_key("recipe"))
+FRAME_LOG = FileKind("a log of frames", lambda head, _: _FRAMES.match(head) is not None)
 TABLE = FileKind("a table", _is_table)
 PAGE = FileKind("a generated page", _says(b"stagectl paper --out", b"stagectl gap blind"))

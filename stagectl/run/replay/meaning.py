@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import struct
 
-from drivers.canopen import error_text
+from drivers.canopen import NMT_COMMANDS, NMT_STATES, error_text
 from drivers.drive import decode
 from drivers.motion import command_text
 from drivers.settings import HOST_NODE
 from stagectl.config.machine import Machine
 
-_NMT = {1: "start", 2: "stop", 128: "to pre-operational", 129: "reset", 130: "reset communication"}
-_STATES = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 _RPDO, _TPDO = struct.Struct("<Hih"), struct.Struct("<Hih")
 _SDO_SIZES = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4, 0x4F: 1, 0x4B: 2, 0x47: 3, 0x43: 4}
 
@@ -30,7 +28,7 @@ def frame_meaning(can_id: int, data: bytes, machine: Machine) -> str:
     of = f"axis {axis}" if axis is not None else host
     if can_id == 0x000 and len(data) == 2:
         whom = "all nodes" if data[1] == 0 else f"node {data[1]}"
-        return f"NMT {_NMT.get(data[0], f'command {data[0]}')}, {whom}"
+        return f"NMT {NMT_COMMANDS.get(data[0], f'command {data[0]}')}, {whom}"
     if can_id == 0x080:
         return "SYNC" + (f" {data[0]}" if data else "")
     if function == 0x080 and len(data) == 8:
@@ -54,7 +52,7 @@ def frame_meaning(can_id: int, data: bytes, machine: Machine) -> str:
     if function in (0x580, 0x600) and len(data) == 8:
         return f"SDO {'request to' if function == 0x600 else 'answer of'} {of}: {_sdo(data)}"
     if function == 0x700 and len(data) == 1:
-        return f"heartbeat of {of}: {_STATES.get(data[0], f'state {data[0]}')}"
+        return f"heartbeat of {of}: {NMT_STATES.get(data[0], f'state {data[0]}')}"
     return f"id 0x{can_id:X}, {len(data)} bytes"
 
 

@@ -32,6 +32,10 @@ def commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
                 yield (*words, name), command
 
 
+VALUES = {"integer": "1", "integer range": "1", "OBJECT": "0x1000"}
+"""Of parameters that name no file, by their type; a folder with a run for all others."""
+
+
 def call(words: tuple[str, ...], command: click.Command, given: dict[str, str]) -> tuple[int, str]:
     """Exit code and error of a command; what else it requires gets a value, too."""
     options, arguments = [], []
@@ -39,7 +43,7 @@ def call(words: tuple[str, ...], command: click.Command, given: dict[str, str]) 
         name = param.name or ""
         if name not in given and not param.required:
             continue
-        value = given.get(name, "1" if isinstance(param.type, click.types.IntParamType) else "else")
+        value = given.get(name, VALUES.get(param.type.name, "else"))
         if isinstance(param, click.Option):
             options += [param.opts[0], value]
         else:
