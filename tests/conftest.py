@@ -1,4 +1,4 @@
-"""What all tests share: the report on the SocketCAN part, and how real-time tests are judged.
+"""What all tests share: no terminal, the SocketCAN part's report, how real-time tests are judged.
 
 The end of a session says whether the SocketCAN part ran, and if not, what it needs. With
 STAGECTL_REQUIRE_VCAN=1 a session in which it did not run fails.
@@ -26,6 +26,16 @@ REPEATS, FEW = 2, 5
 COMPILING = ("test_mistakes.py", "test_gap_input.py", "test_ports.py", "test_identify.py")
 """In a fresh clone these compile most kernels, no two the same ones: before all that need them, and
 side by side where there are workers."""
+TERMINAL = (
+    "COLUMNS",
+    "LINES",
+    "TERM",
+    "NO_COLOR",
+    "FORCE_COLOR",
+    "TTY_COMPATIBLE",
+    "TTY_INTERACTIVE",
+)
+"""What this suite was started from says nothing about what the tests show and read."""
 _outcome = pytest.StashKey[list[str]]()
 _ran = pytest.StashKey[bool]()
 _watch = pytest.StashKey[Watch]()
@@ -50,6 +60,8 @@ def vcan_outcome(pytestconfig: pytest.Config) -> Callable[[bool, str], None]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    for name in TERMINAL:  # of this process and those that it starts
+        os.environ.pop(name, None)
     config.stash[_outcome] = []
     config.stash[_inconclusive] = []
     config.stash[_ran] = False
