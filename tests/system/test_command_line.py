@@ -484,8 +484,8 @@ def test_a_mistyped_command_has_a_neighbour(stagectl):
     assert "no such command 'rum'; did you mean 'run'?" in done.stderr
 
 
-def test_a_folder_of_a_run_is_no_recording_but_has_one(stagectl, tmp_path):
+def test_the_folder_of_a_run_stands_for_its_recording(stagectl, tmp_path):
     (tmp_path / "recording.h5").touch()
     done = stagectl("gap", "measure", tmp_path)
     assert done.returncode == 2
-    assert f"is not a file; {tmp_path / 'recording.h5'} is" in done.stderr
+    assert f"{tmp_path / 'recording.h5'}: not a readable HDF5 file" in done.stderr
