@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.console import make_console
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -64,9 +65,7 @@ def command(
     )
     write_json(_figures(budget), json_out)
     if not is_json_on_stdout(json_out):
-        from rich.console import Console
-
-        Console().print(_table(budget, stage.name))
+        make_console().print(_table(budget, stage.name))
         _verdict(budget)
     if not budget.fits:
         raise StagectlError(

@@ -198,7 +198,7 @@ def _measure(
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     stage = StageKey(machine.name, request.truth is not None)
     for notice in result.notices:
-        console.print(notice, style="yellow", markup=False, soft_wrap=True)
+        console.print(notice, style="yellow", soft_wrap=True)
     version, before_it, failed = None, None, result.error
     changes: list[AxisChange] = []
     if failed is None:
@@ -207,7 +207,7 @@ def _measure(
                 raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
             version, before_it, changes = _new_map(request, stage)
         except TooFewPlaces as error:
-            console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
+            console.print(f"no new map: {error}", style="yellow", soft_wrap=True)
         except StagectlError as error:
             failed = StagectlError(f"no new map: {error}")
     friction = [*before, *result.summary["friction"]]
@@ -217,7 +217,7 @@ def _measure(
     built = None if version is None else version.map
     number = None if version is None else version.number
     found = site_outcomes(sites, friction, tuple(machine.axes), built, changes)
-    console.print(f"friction map used: {friction_map_used(result.summary)}", markup=False)
+    console.print(f"friction map used: {friction_map_used(result.summary)}")
     _print_outcomes(console, found, changes, calibration.sequence)
     if number is not None:
         where = str(request.history)
@@ -225,14 +225,14 @@ def _measure(
         console.print(
             f"map {number} stored in {where}; 'stagectl map activate {number} --history "
             f"{where}' puts it into use",
-            markup=False, soft_wrap=True,
+            soft_wrap=True,
         )  # fmt: skip
     elif result.error is not None:
         command = resume_command(result.summary)
         console.print(
             f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits"
             + ("" if command is None else f"; to continue: {command}"),
-            markup=False, soft_wrap=True,
+            soft_wrap=True,
         )  # fmt: skip
     write_json(_as_dict(request, number, found, calibration.sequence), json_out)
     write_calibration_report(
@@ -257,7 +257,7 @@ def _print_outcomes(
     if reached:
         console.print("uncertainty reached, median over the sites, 1 sigma:")
     for line in [*(f"  {line}" for line in reached), *common_changes(changes)]:
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
 
 
 def _new_map(

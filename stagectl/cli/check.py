@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bench_options
+from stagectl.cli.console import make_console
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 from stagectl.cli.signals import interruptible
 
@@ -43,11 +44,9 @@ def command(
         label = network.label
     write_json([_entry(f) for f in findings], json_out)
     if not is_json_on_stdout(json_out):
-        from rich.console import Console
-
         shown = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
         if shown:
-            Console().print(_table(shown, node, label))
+            make_console().print(_table(shown, node, label))
         counts = {v: sum(f.verdict is v for f in findings) for v in Verdict}
         click.echo(", ".join(f"{n} {v.value}" for v, n in counts.items()))
     failed = [f for f in findings if f.verdict is Verdict.FAIL]
@@ -67,6 +66,7 @@ def _entry(finding: Finding) -> dict[str, Any]:
 
 def _table(findings: list[Finding], node: int, label: str) -> Any:
     from rich.table import Table
+    from rich.text import Text
 
     from drivers.bench.conformance import Verdict
 
@@ -80,7 +80,7 @@ def _table(findings: list[Finding], node: int, label: str) -> Any:
             table.add_section()
         table.add_row(
             "" if finding.group == group else finding.group, finding.name,
-            f"[{colours.get(finding.verdict, 'dim')}]{finding.verdict.value}[/]", finding.detail,
+            Text(finding.verdict.value, colours.get(finding.verdict, "dim")), finding.detail,
         )  # fmt: skip
         group = finding.group
     return table

@@ -16,11 +16,19 @@ ProgressUpdate = Callable[[str, int, int], None]
 """Takes what is being done, the steps done and the number of steps."""
 
 
-def console_for(json_out: Path | None) -> Console:
-    """The console that people read: standard error if the JSON goes to standard output."""
+def make_console(*, stderr: bool = False) -> Console:
+    """A console that prints every text as it is: names from files are no markup.
+
+    What is to have a style is a `rich.text.Text`.
+    """
     from rich.console import Console
 
-    return Console(stderr=is_json_on_stdout(json_out))
+    return Console(stderr=stderr, markup=False, emoji=False)
+
+
+def console_for(json_out: Path | None) -> Console:
+    """The console that people read: standard error if the JSON goes to standard output."""
+    return make_console(stderr=is_json_on_stdout(json_out))
 
 
 @contextmanager
@@ -34,9 +42,18 @@ def progress_bar(console: Console, activity: str) -> Iterator[ProgressUpdate]:
     Yields:
         A function that updates the bar.
     """
-    from rich.progress import Progress, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
 
-    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}", style="progress.description", markup=False),
+        BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
+    )  # fmt: skip
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:

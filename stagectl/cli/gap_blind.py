@@ -172,7 +172,7 @@ def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcom
     from sim2real.diagnosis import PHASES
 
     def say(text: str, style: str = "") -> None:
-        console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
+        console.print(text, highlight=False, soft_wrap=True, style=style)
 
     name = f"trial {number + 1}/{trials}"
     with progress_bar(console, f"{name}: drawing") as update:
@@ -208,7 +208,7 @@ def _conclude(
     counted = score_outcomes(outcomes)
     if not is_json_on_stdout(json_out):
         for row in table_rows(counted):
-            console.print(row, markup=False, highlight=False, soft_wrap=True)
+            console.print(row, highlight=False, soft_wrap=True)
     if json_out is not None:
         values = asdict(counted)
         values["confusion"] = [[*pair, count] for pair, count in counted.confusion.items()]

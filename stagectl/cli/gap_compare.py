@@ -87,7 +87,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     if not is_json_on_stdout(json_out):
         title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
         console.print(gap_table(both, title, "A", "B"))
-        console.print(closed_line(share), markup=False, highlight=False)
+        console.print(closed_line(share), highlight=False)
         if settled:
             console.print(_settling_table(settled))
 

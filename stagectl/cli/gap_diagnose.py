@@ -17,6 +17,7 @@ from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, w
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+    from rich.text import Text
 
     from hil_sim.effects.effect import Value
     from hil_sim.settings import StageSettings
@@ -157,20 +158,18 @@ def diagnose(
     if not is_json_on_stdout(json_out):
         print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
-            console.print(f"{next_out} is not written: no moves to propose", markup=False)
+            console.print(f"{next_out} is not written: no moves to propose")
         without = [name for name, figures in model.unknown.items() if GAINS in figures]
         if twin is not None and has_twin and without:
             console.print(
                 f"{twin} cannot run: the controller gains of {', '.join(without)} stay unknown, "
                 f"which no diagnosis finds",
-                markup=False,
                 soft_wrap=True,
             )
         if twin is not None and not has_twin:
             console.print(
                 f"{twin} is not written: no cause was found, nor a smooth force that describes "
                 "the gap",
-                markup=False,
             )
     # After the report: if one of them cannot be written, the diagnosis is not lost.
     if next_out is not None and report.next_experiment is not None:
@@ -248,8 +247,10 @@ def _recipe(experiment: NextExperiment) -> str:
 
 def print_report(console: Console, report: GapReport, machine: str) -> None:
     """The report on one screen (long: one part after another)."""
+    from rich.text import Text
+
     word, colour = _VERDICTS[report.verdict]
-    lines = [(f"[bold {colour}]{word}[/]:", report.reason)]
+    lines: list[tuple[str | Text, str]] = [(Text(f"{word}:", f"bold {colour}"), report.reason)]
     lines += [
         ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
     ]
@@ -333,14 +334,13 @@ def _elsewhere(share: float | None) -> str:
     return "" if share is None else f"; {100 * share:.0f} % on the recordings of --check"
 
 
-def _grid(lines: Sequence[tuple[str, str]]) -> RenderableType:
+def _grid(lines: Sequence[tuple[str | Text, str]]) -> RenderableType:
     """Labels in a column of their own, so that long texts wrap beside them."""
-    from rich.markup import escape
     from rich.table import Table
 
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(min_width=_LABEL_WIDTH, no_wrap=True)
     grid.add_column(overflow="fold")
     for label, text in lines:
-        grid.add_row(label, escape(text))
+        grid.add_row(label, text)
     return grid

@@ -47,7 +47,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     if not is_json_on_stdout(json_out):
         console.print(gap_table(found.gap, f"Gap of {model.name} against {recording.name} (rms)"))
         for line in repeat_lines(found):
-            console.print(line, markup=False, highlight=False)
+            console.print(line, highlight=False)
 
 
 def repeat_lines(found: Measured) -> list[str]:

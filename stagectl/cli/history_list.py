@@ -57,7 +57,7 @@ def list_runs(
     if found:
         console.print(Whole(_table(stage, found)), crop=False)
     else:
-        console.print(f"no such runs of {stage}", markup=False)
+        console.print(f"no such runs of {stage}")
 
 
 def _as_dict(stage: StageKey, found: list[RunFriction]) -> dict[str, Any]:

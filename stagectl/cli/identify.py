@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.console import make_console
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def command(
 
     How to read sigma and gain: docs/estimator.md.
     """
-    from rich.console import Console
+    from rich.text import Text
 
     from stagectl.calibration import identify_axis
     from stagectl.config import load_machine, parse_machine
@@ -73,10 +74,10 @@ def command(
     for name in only:
         if name not in model.axes:
             raise UnusableInput(f"{model.source}: no axis {name!r}, it has {', '.join(model.axes)}")
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     found: dict[str, Identification] = {}
     for name in only or tuple(model.axes):
-        with console.status(f"axis {name}"):
+        with console.status(Text(f"axis {name}")):
             found[name] = identify_axis(read, model, name, elements)
     write_json(_report(found, recordings, model.name), json_out)
     if not is_json_on_stdout(json_out):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.console import make_console
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -50,9 +51,7 @@ def command(machine: Path | None, friction_scale: float, json_out: Path | None) 
     )
     write_json({"axes": {name: _figures(found) for name, found in designs.items()}}, json_out)
     if not is_json_on_stdout(json_out):
-        from rich.console import Console
-
-        Console().print(_table(designs, stage.name))
+        make_console().print(_table(designs, stage.name))
 
 
 def _figures(found: Design | str) -> dict[str, Any]:

@@ -165,7 +165,6 @@ def _fixed(found: Study) -> Any:
 
 def _estimates(found: Study) -> Any:
     """One row per parameter and method, to fit a terminal."""
-    from rich.markup import escape
     from rich.table import Table
 
     from stagectl.paper import page
@@ -176,7 +175,5 @@ def _estimates(found: Study) -> Any:
     for row in page.table_rows(found):
         name, _, _, *columns = row
         for k, method in enumerate(("one", "two")):
-            table.add_row(
-                escape(name) if k == 0 else "", method, *columns[k::2], end_section=k == 1
-            )
+            table.add_row(name if k == 0 else "", method, *columns[k::2], end_section=k == 1)
     return table

@@ -67,12 +67,12 @@ class RunProgress:
         self._settling = ""
         self._friction: dict[str, str] = dict.fromkeys(axes, "")
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=16),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             TextColumn("{task.fields[left]}", table_column=Column(min_width=10, no_wrap=True)),
-            TextColumn("{task.fields[known]}", style="dim"),
+            TextColumn("{task.fields[known]}", style="dim", markup=False),
             console=console,
             auto_refresh=False,
             transient=True,
@@ -175,7 +175,7 @@ class RunProgress:
 
     def _warn(self, text: str) -> None:
         """Print what the operator must know, on a terminal or in a log."""
-        self._progress.console.print(text, style="yellow", markup=False, highlight=False)
+        self._progress.console.print(text, style="yellow", highlight=False)
 
     def _show(self, words: str) -> None:
         known = ", ".join(part for part in (self._settling, *self._friction.values()) if part)

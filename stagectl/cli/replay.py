@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.console import make_console
 from stagectl.cli.files import InputFolder
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
@@ -27,18 +28,18 @@ def command(run: Path, json_out: Path | None) -> None:
 
     Exit code 0 identical, 1 different or the log was modified, 2 unusable input.
     """
-    from rich.console import Console
+    from rich.text import Text
 
     from stagectl.run import Listener
     from stagectl.run.replay import replay
     from stagectl.sequencer import Event, MoveStarted
 
-    with Console(stderr=True).status("reading") as status:
+    with make_console(stderr=True).status("reading") as status:
 
         def show(event: Event) -> None:
             if isinstance(event, MoveStarted):
                 where = "" if event.site is None else f" of site {event.site}"
-                status.update(f"{event.kind}-move{where}")
+                status.update(Text(f"{event.kind}-move{where}"))
 
         result = replay(run, Listener(event=show))
     write_json(_as_dict(result), json_out)

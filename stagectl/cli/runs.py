@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from stagectl.cli.console import make_console
 from stagectl.cli.files import InputFolder
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
@@ -37,9 +38,7 @@ def command(folder: Path, json_out: Path | None) -> None:
     write_json({"format": "stagectl-runs", "version": 1, "runs": values}, json_out)
     if is_json_on_stdout(json_out):
         return
-    from rich.console import Console
-
-    Console().print(_table(found) if found else f"no runs in {folder}", markup=False)
+    make_console().print(_table(found) if found else f"no runs in {folder}")
 
 
 def _table(found: list[ListedRun]) -> RenderableType:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bench_options
+from stagectl.cli.console import make_console
 from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -39,9 +40,7 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
     missing = [node for node in axes if all(one.node != node for one in found)]
     write_json([_entry(node, axes) for node in found], json_out)
     if not is_json_on_stdout(json_out):
-        from rich.console import Console
-
-        Console().print(_table(found, axes, label))
+        make_console().print(_table(found, axes, label))
     if host is not None:
         click.echo(f"another host is active on this bus: {host} was heard", err=True)
     how = "was not heard" if passive else "was not heard, asked twice"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bench_options
+from stagectl.cli.console import make_console
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -37,9 +38,7 @@ def command(bench: Bench, json_out: Path | None) -> None:
     write_json({s.axis: _entry(s) for s in statuses}, json_out)
     if is_json_on_stdout(json_out):
         return
-    from rich.console import Console
-
-    Console().print(_table(statuses, bench.machine.name))
+    make_console().print(_table(statuses, bench.machine.name))
 
 
 def _entry(status: AxisStatus) -> dict[str, Any]:

@@ -9,6 +9,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from stagectl.errors import StagectlError
+from stagectl.history.cells import (
+    date,
+    figures,
+    number,
+    optional_number,
+    optional_text,
+    place,
+    reads,
+    text,
+)
 from stagectl.history.database import Database
 from stagectl.history.records import (
     EstimateRecord,
@@ -38,11 +48,6 @@ class SqlHistory(SqlRuns):
         super().__init__(database)
         self._places: dict[tuple[int, int, int], int] = {}
         self._stage_of_run: dict[int, int] = {}
-
-    @property
-    def name(self) -> str:
-        """As `port.History`."""
-        return self._database.name
 
     def start_run(self, run: RunEntry) -> int:
         """As `port.History`."""
@@ -78,6 +83,7 @@ class SqlHistory(SqlRuns):
                 (outcome, fault, estimates, run),
             )
 
+    @reads
     def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -86,8 +92,9 @@ class SqlHistory(SqlRuns):
             "AND r.estimates IS NULL ORDER BY r.id DESC LIMIT ?",
             (stage.machine, int(stage.simulated), last),
         )
-        return [(uuid, folder) for uuid, folder in rows]
+        return [(text(uuid, "uuid"), text(folder, "folder")) for uuid, folder in rows]
 
+    @reads
     def filed(self, run: int) -> int:
         """As `port.History`."""
         rows = self._database.execute("SELECT count(*) FROM estimate WHERE run = ?", (run,))
@@ -107,11 +114,13 @@ class SqlHistory(SqlRuns):
             )
         self._places |= made  # committed
 
+    @reads
     def stages(self) -> list[StageKey]:
         """As `port.History`."""
         rows = self._database.execute("SELECT machine, simulated FROM stage ORDER BY id")
-        return [StageKey(machine, bool(simulated)) for machine, simulated in rows]
+        return [StageKey(text(machine, "machine"), bool(simulated)) for machine, simulated in rows]
 
+    @reads
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -125,6 +134,7 @@ class SqlHistory(SqlRuns):
         )
         return [_estimate(row) for row in rows]
 
+    @reads
     def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
         """As `port.History`."""
         mine = (stage.machine, int(stage.simulated))
@@ -142,8 +152,9 @@ class SqlHistory(SqlRuns):
             "WHERE o.run = e.run AND o.site IS NOT NULL)) AS c GROUP BY x_um, y_um",
             (*mine, *mine),
         )
-        return [((x / 1e6, y / 1e6), time) for x, y, time in rows]
+        return [(place(x, y), date(time)) for x, y, time in rows]
 
+    @reads
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -154,6 +165,7 @@ class SqlHistory(SqlRuns):
         )
         return [_estimate(row) for row in rows]
 
+    @reads
     def wear(self, stage: StageKey, axis: str, since: float, until: float = math.inf) -> Wear:
         """As `port.History`."""
         rows = self._database.execute(
@@ -168,15 +180,16 @@ class SqlHistory(SqlRuns):
         """As `port.History`."""
         with self._database.transaction():
             rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (step.run,))
-            place = self._id(
+            where = self._id(
                 "place", ("stage", "x_um", "y_um"), (rows[0][0], *micrometres(step.place))
             )
             self._database.execute(
                 "INSERT INTO level_step (run, place, axis, time, change, kind, number) "
                 "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
-                (step.run, place, step.axis, step.time, step.change, step.kind, step.number),
+                (step.run, where, step.axis, step.time, step.change, step.kind, step.number),
             )
 
+    @reads
     def steps(self, stage: StageKey, since: float = -math.inf) -> list[StepRecord]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -185,8 +198,15 @@ class SqlHistory(SqlRuns):
             "AND s.simulated = ? AND l.time > ? ORDER BY l.time, l.id",
             (stage.machine, int(stage.simulated), max(since, -FAR)),
         )
-        return [StepRecord(r[0], r[1], (r[2] / 1e6, r[3] / 1e6), *r[4:]) for r in rows]
+        return [
+            StepRecord(
+                int(r[0]), text(r[1], "axis"), place(r[2], r[3]), date(r[4]),
+                number(r[5], "change"), text(r[6], "kind"),
+            )
+            for r in rows
+        ]  # fmt: skip
 
+    @reads
     def counted(self, stage: StageKey) -> tuple[int, int]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -210,12 +230,12 @@ class SqlHistory(SqlRuns):
                 raise StagectlError(f"{self.name}: there is no run {e.run}")
             stage = self._stage_of_run[e.run] = int(rows[0][0])
         key = (stage, *micrometres(e.place))
-        place = self._places.get(key) or made.get(key)
-        if place is None:
-            place = made[key] = self._id("place", ("stage", "x_um", "y_um"), key)
+        where = self._places.get(key) or made.get(key)
+        if where is None:
+            where = made[key] = self._id("place", ("stage", "x_um", "y_um"), key)
         measured = e.measured or (None, None)
         return (
-            e.run, place, e.axis, e.kind, e.site, e.time, e.distance, int(e.accepted), e.reason,
+            e.run, where, e.axis, e.kind, e.site, e.time, e.distance, int(e.accepted), e.reason,
             json.dumps(dict(e.figures)), struct.pack(f"<{len(e.covariance)}d", *e.covariance),
             e.level, *measured, e.temperature, e.number,
         )  # fmt: skip
@@ -225,9 +245,14 @@ class SqlHistory(SqlRuns):
 
 
 def _estimate(row: Sequence[Any]) -> EstimateRecord:
+    shown = None
+    if row[13] is not None:
+        shown = (number(row[13], "measured"), number(row[14], "measured_sigma"))
     return EstimateRecord(
-        run=row[0], axis=row[1], kind=row[2], site=row[3], place=(row[4] / 1e6, row[5] / 1e6),
-        time=row[6], distance=row[7], accepted=bool(row[8]), reason=row[9],
-        figures=json.loads(row[10]), covariance=covariance(row[11]), level=row[12],
-        measured=None if row[13] is None else (row[13], row[14]), temperature=row[15],
+        run=int(row[0]), axis=text(row[1], "axis"), kind=text(row[2], "kind"),
+        site=None if row[3] is None else int(row[3]), place=place(row[4], row[5]),
+        time=date(row[6]), distance=number(row[7], "distance"), accepted=bool(row[8]),
+        reason=optional_text(row[9], "reason"), figures=figures(row[10]),
+        covariance=covariance(row[11]), level=number(row[12], "level"), measured=shown,
+        temperature=optional_number(row[15], "temperature"),
     )  # fmt: skip

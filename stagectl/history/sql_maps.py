@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from stagectl.history.cells import date, reads, text
 from stagectl.history.database import Database
 from stagectl.history.records import Activation, StageKey, StoredMap
 
@@ -17,6 +18,11 @@ class SqlMaps:
 
     def __init__(self, database: Database) -> None:
         self._database = database
+
+    @property
+    def name(self) -> str:
+        """As `port.History`."""
+        return self._database.name
 
     def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
         """As `port.History`."""
@@ -32,6 +38,7 @@ class SqlMaps:
             )
         return int(rows[0][0])
 
+    @reads
     def maps(self, stage: StageKey) -> list[StoredMap]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -42,7 +49,12 @@ class SqlMaps:
         )
         used = self.activations(stage)
         active = used[-1].number if used else None
-        return [StoredMap(n, made, comment, n == active, text) for n, made, comment, text in rows]
+        return [
+            StoredMap(
+                int(n), date(made, "made"), text(comment, "comment"), n == active, str(content)
+            )
+            for n, made, comment, content in rows
+        ]
 
     def activate(self, stage: StageKey, number: int | None, time: float, reason: str) -> None:
         """As `port.History`."""
@@ -57,6 +69,7 @@ class SqlMaps:
                 (owner, number, time, reason),
             )
 
+    @reads
     def activations(self, stage: StageKey) -> list[Activation]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -64,7 +77,10 @@ class SqlMaps:
             "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.id",
             (stage.machine, int(stage.simulated)),
         )
-        return [Activation(*row) for row in rows]
+        return [
+            Activation(None if n is None else int(n), date(time), text(reason, "reason"))
+            for n, time, reason in rows
+        ]
 
     def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
         """Number of the row with these values, inserted if necessary."""

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
-from stagectl.history.records import AxisFriction, RunEntry, RunFilter, RunFriction, StageKey
+from stagectl.history.cells import date, figures, number, optional_text, reads, text
+from stagectl.history.records import (
+    AxisFriction,
+    Purpose,
+    RunEntry,
+    RunFilter,
+    RunFriction,
+    StageKey,
+)
 from stagectl.history.sql_series import FAR, SqlSeries, covariance
+from stagectl.plain_text import one_line
 
 _RUN = (
     "r.id, r.started, r.recipe, r.lot, r.wafer, r.software, r.folder, r.purpose, r.seed, r.outcome"
@@ -19,6 +27,7 @@ _NEWEST = "ORDER BY r.started DESC, r.id DESC LIMIT ?"
 class SqlRuns(SqlSeries):
     """The part of `port.History` that reads runs; arguments as `SqlMaps`."""
 
+    @reads
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -26,8 +35,9 @@ class SqlRuns(SqlSeries):
             (stage.machine, int(stage.simulated), last),
         )
         axes = self._axes(stage)
-        return [(int(row[0]), RunEntry(stage, axes, *row[1:9]), row[9]) for row in rows]
+        return [(int(row[0]), _entry(stage, axes, row), _outcome(row)) for row in rows]
 
+    @reads
     def friction_of_runs(self, stage: StageKey, wanted: RunFilter) -> list[RunFriction]:
         """As `port.History`."""
         where, values = "", [stage.machine, int(stage.simulated)]
@@ -44,7 +54,7 @@ class SqlRuns(SqlSeries):
         )
         axes = self._axes(stage)
         return [
-            RunFriction(int(row[0]), RunEntry(stage, axes, *row[1:9]), row[9], self._friction(row))
+            RunFriction(int(row[0]), _entry(stage, axes, row), _outcome(row), self._friction(row))
             for row in rows
         ]
 
@@ -55,7 +65,7 @@ class SqlRuns(SqlSeries):
             (run[0],),
         )
         return {
-            axis: AxisFriction(int(n), int(good), *self._coulomb(run[0], axis))
+            text(axis, "axis"): AxisFriction(int(n), int(good), *self._coulomb(run[0], axis))
             for axis, n, good in rows
         }
 
@@ -66,17 +76,36 @@ class SqlRuns(SqlSeries):
             "ORDER BY time DESC, id DESC LIMIT 1",
             (run, axis),
         )
-        figures = json.loads(rows[0][0]) if rows else {}
-        if "coulomb" not in figures:
+        known = figures(rows[0][0]) if rows else {}
+        if "coulomb" not in known:
             return None, None
-        at = list(figures).index("coulomb")
-        variance = covariance(rows[0][1])[at * (len(figures) + 1)]
-        return float(figures["coulomb"]), math.sqrt(max(variance, 0.0))
+        at, variances = list(known).index("coulomb"), covariance(rows[0][1])
+        if len(variances) != len(known) ** 2:
+            raise ValueError("covariance: is not one of the figures")
+        variance = number(variances[at * (len(known) + 1)], "covariance")
+        return known["coulomb"], math.sqrt(max(variance, 0.0))
 
+    @reads
     def _axes(self, stage: StageKey) -> tuple[str, ...]:
         rows = self._database.execute(
             "SELECT a.axis FROM stage_axis a JOIN stage s ON s.id = a.stage "
             "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.axis",
             (stage.machine, int(stage.simulated)),
         )
-        return tuple(axis for (axis,) in rows)
+        return tuple(text(axis, "axis") for (axis,) in rows)
+
+
+def _entry(stage: StageKey, axes: tuple[str, ...], row: tuple[Any, ...]) -> RunEntry:
+    """A run, of the columns `_RUN`."""
+    purpose: Purpose = "calibration" if row[7] == "calibration" else "production"
+    if row[7] != purpose:
+        raise ValueError(f"purpose: is {one_line(repr(row[7]), 40)}")
+    return RunEntry(
+        stage, axes, date(row[1], "started"), text(row[2], "recipe"),
+        optional_text(row[3], "lot"), optional_text(row[4], "wafer"), text(row[5], "software"),
+        text(row[6], "folder"), purpose, None if row[8] is None else int(row[8]),
+    )  # fmt: skip
+
+
+def _outcome(row: tuple[Any, ...]) -> str | None:
+    return optional_text(row[9], "outcome")

@@ -6,7 +6,6 @@ by place, in a time that does not depend on the length of the history.
 
 from __future__ import annotations
 
-import json
 import math
 import struct
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from stagectl.history.cells import date, figures, number, optional_number, place, reads, text
 from stagectl.history.records import F64, Measurement, Pair, StageKey, Trend
 from stagectl.history.sql_maps import SqlMaps
 
@@ -27,6 +27,7 @@ _LEVEL = "e.time, e.measured, e.measured_sigma"
 class SqlSeries(SqlMaps):
     """The part of `port.History` that reads series; arguments as `SqlMaps`."""
 
+    @reads
     def places(self, stage: StageKey) -> list[Pair]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -35,8 +36,9 @@ class SqlSeries(SqlMaps):
             "WHERE e.place = p.id AND e.accepted = 1) ORDER BY p.y_um, p.x_um",
             (stage.machine, int(stage.simulated)),
         )
-        return [(x / 1e6, y / 1e6) for x, y in rows]
+        return [place(x, y) for x, y in rows]
 
+    @reads
     def newest(self, stage: StageKey) -> float | None:
         """As `port.History`."""
         rows = self._database.execute(
@@ -45,8 +47,9 @@ class SqlSeries(SqlMaps):
             "ORDER BY e.time DESC LIMIT 1",
             (stage.machine, int(stage.simulated)),
         )
-        return float(rows[0][0]) if rows else None
+        return date(rows[0][0]) if rows else None
 
+    @reads
     def trend(
         self,
         stage: StageKey,
@@ -69,6 +72,7 @@ class SqlSeries(SqlMaps):
         # An estimate written just now may be at `since`, not after it.
         return _trend(self._series(_TREND, _ACCEPTED, key, ">=", since, until, last, apart))
 
+    @reads
     def measurements(
         self,
         stage: StageKey,
@@ -87,7 +91,7 @@ class SqlSeries(SqlMaps):
                 "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
                 (*mine, max(since, -FAR), min(until, FAR)),
             )
-            return [Measurement(row[0], (row[1] / 1e6, row[2] / 1e6), *row[3:]) for row in rows]
+            return [_measurement(*row) for row in rows]
         keys = self._database.execute(
             "SELECT p.id, a.axis, p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
             "JOIN stage_axis a ON a.stage = s.id WHERE s.machine = ? AND s.simulated = ? "
@@ -95,7 +99,7 @@ class SqlSeries(SqlMaps):
             mine,
         )
         found = [
-            Measurement(axis, (x / 1e6, y / 1e6), *row)
+            _measurement(axis, x, y, *row)
             for number, axis, x, y in keys
             for row in self._series(
                 _LEVEL, _MEASURED, (number, axis), ">", since, until, each, apart
@@ -149,22 +153,34 @@ def _trend(rows: Sequence[Sequence[Any]]) -> Trend:
         none = np.zeros(0)
         return Trend(none, {}, {}, none, none, (), ())
     time, texts, covariances, level, temperature, kind, run = zip(*rows, strict=True)
-    figures = json.loads(f"[{','.join(texts)}]")
-    names = list(dict.fromkeys(name for entry in figures for name in entry))
-    values = {name: np.array([f.get(name, math.nan) for f in figures], float) for name in names}
+    entries = [figures(cell) for cell in texts]
+    names = list(dict.fromkeys(name for entry in entries for name in entry))
+    values = {name: np.array([f.get(name, math.nan) for f in entries], float) for name in names}
     sigma: dict[str, F64]
-    if all(entry.keys() == figures[0].keys() for entry in figures):
+    if all(entry.keys() == entries[0].keys() for entry in entries):
         count = len(names)
         matrices = np.frombuffer(b"".join(covariances), "<f8").reshape(len(rows), count, count)
         diagonal = np.sqrt(np.maximum(np.einsum("kii->ki", matrices), 0.0))
         sigma = dict(zip(names, diagonal.T, strict=True))
     else:  # another version of the estimator had other figures
         sigma = {name: np.full(len(rows), math.nan) for name in names}
-        for k, (entry, data) in enumerate(zip(figures, covariances, strict=True)):
+        for k, (entry, data) in enumerate(zip(entries, covariances, strict=True)):
             diagonal = covariance(data)[:: len(entry) + 1]
             for name, variance in zip(entry, diagonal, strict=True):
                 sigma[name][k] = math.sqrt(max(variance, 0.0))
+    degrees = [optional_number(t, "temperature") for t in temperature]
     return Trend(
-        np.array(time, float), values, sigma, np.array(level, float),
-        np.array([math.nan if t is None else t for t in temperature], float), kind, run,
+        np.array([date(t) for t in time]), values, sigma,
+        np.array([number(value, "level") for value in level]),
+        np.array([math.nan if t is None else t for t in degrees], float),
+        tuple(text(k, "kind") for k in kind), tuple(map(int, run)),
+    )  # fmt: skip
+
+
+def _measurement(
+    axis: object, x: object, y: object, time: object, value: object, sigma: object
+) -> Measurement:
+    return Measurement(
+        text(axis, "axis"), place(x, y), date(time), number(value, "measured"),
+        number(sigma, "measured_sigma"),
     )  # fmt: skip

@@ -102,19 +102,20 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
         _check_format(file)
         if "cycle/late" not in file or "cycle/arrival" not in file:
             return None
-        late = read_integers(file, "cycle/late")
+        late = read_integers(file, "cycle/late", len(read_floats(file, "time")))
         group = open_group(file, "cycle/arrival")
+        axes = list(member_names(open_group(file, "axes")))
         return CycleLedger(
             arrival={
                 name: read_floats(group, name, len(late), finite=False)  # nan where missed
-                for name in member_names(group)
+                for name in axes
             },
             late=late.astype(np.bool_),
             sync=_optional(file, "cycle/sync", len(late)),
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
                 name: read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
-                for name in (file["cycle/extra"] if "cycle/extra" in file else ())
+                for name in (axes if "cycle/extra" in file else ())
             },
         )
 

@@ -115,6 +115,8 @@ def _runs(history: History, stage: StageKey) -> dict[int, RunEntry]:
 
 
 def _run(number: int, runs: Mapping[int, RunEntry]) -> dict[str, Cell]:
+    if number not in runs:
+        raise UnusableInput(f"an estimate is of run {number}, which the history does not have")
     run = runs[number]
     return {
         "run": number, "purpose": run.purpose, "recipe": run.recipe, "lot": run.lot,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.plain_text import find_control, one_line
 from stagectl.run.recorded.summarise import run_note
 from stagectl.store import (
     FILE_NAME,
@@ -57,6 +58,19 @@ class ListedRun:
     of: int | None = None
     reason: str | None = None
 
+    def __post_init__(self) -> None:
+        texts = ("started", "recipe", "machine", "lot", "wafer", "operator", "comment", "outcome",
+                 "verdict", "unit")  # fmt: skip
+        for name in texts:
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, str):
+                raise ValueError(f"{name}: must be text")
+            if (why := find_control(value or "")) is not None:
+                raise ValueError(f"{name}: {why}")
+        for name in ("done", "of"):
+            if not isinstance(getattr(self, name), int | None):
+                raise ValueError(f"{name}: must be a whole number")
+
 
 def list_runs(folder: Path) -> list[ListedRun]:
     """The run in a folder, if it is one's; else those in its folders, oldest first.
@@ -87,7 +101,8 @@ def _run_in(folder: Path) -> ListedRun | None:
 
 
 def _unknown(folder: Path, outcome: str, reason: str | None = None) -> ListedRun:
-    return ListedRun(folder, "", "", "", None, None, None, None, None, outcome, reason=reason)
+    line = None if reason is None else one_line(reason, 400)
+    return ListedRun(folder, "", "", "", None, None, None, None, None, outcome, reason=line)
 
 
 def _of_summary(path: Path) -> ListedRun:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from click.testing import CliRunner
 
 from stagectl.cli.runs import command
@@ -48,3 +49,14 @@ def test_the_name_of_a_folder_is_not_broken_at_80_columns(tmp_path, monkeypatch)
     assert any("completed" in line for line in lines)
     assert any("operator" in line for line in lines)
     assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("operator", [{"first": "A."}, ["A."], 7, "A.\x1b[31m"])
+def test_one_run_that_is_not_as_it_should_be_hides_no_other(tmp_path, operator):
+    _write_run(tmp_path / "good")
+    _write_run(tmp_path / "odd", operator=operator)
+    done = CliRunner().invoke(command, [str(tmp_path)])
+    assert done.exit_code == 0, done.exception
+    assert "completed" in done.output
+    assert "unreadable" in done.output
+    assert "\x1b[31m" not in done.output

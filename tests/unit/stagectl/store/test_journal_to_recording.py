@@ -174,3 +174,15 @@ def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
     with pytest.raises(UnusableInput, match=r"recording.journal: it is damaged: moves\[0\]"):
         recover_journal(journal.path)
     assert journal.path.exists()
+
+
+@pytest.mark.parametrize("lost", ["cycle/arrival/x", "cycle/extra/x"])
+def test_a_ledger_without_an_axis_is_refused(tmp_path: Path, lost: str):
+    journal = written(tmp_path)
+    journal.close()
+    path = recover_journal(journal.path).path
+    assert path is not None
+    with h5py.File(path, "a") as file:
+        del file[lost]
+    with pytest.raises(UnusableInput, match=f"{lost}: missing"):
+        read_ledger(path)
