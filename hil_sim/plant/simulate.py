@@ -18,6 +18,7 @@ from hil_sim.plant.noise import Noise
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
+_BLOCK = 8192  # SYNC periods simulated at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +93,14 @@ def simulate(
     noise = Noise(count, seed)
     arrays.state["wander"] = noise.draw_initial_wander(settings)
     unit = np.array([rounded * a.control.rated_force / 1000.0 for a in settings.axes])
-    run_demands(
-        arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
-        arrays.shares, arrays.arena, settings.control_period, substeps, settings.ticks,
-        noise.draw(0 if seed is None else len(demand) * settings.ticks), demand, offset, unit,
-        position, force,
-    )  # fmt: skip
+    for first in range(0, len(demand), _BLOCK):  # the noise of all of it would not fit into memory
+        block = slice(first, first + _BLOCK)
+        run_demands(
+            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
+            arrays.shares, arrays.arena, settings.control_period, substeps, settings.ticks,
+            noise.draw(0 if seed is None else len(demand[block]) * settings.ticks), demand[block],
+            offset[block], unit, position[block], force[block],
+        )  # fmt: skip
     return Response(position, force)
 
 

@@ -28,8 +28,8 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
     Nodes are found by boot-up message, by heartbeat, and by an SDO read of the device type
     (0x1000) from every node id. Nothing is written and nothing moves.
 
-    Exit code 1 if a node of the machine file does not answer, asked twice; with --passive, nothing
-    is asked and the exit code is 0.
+    Exit code 1 if two devices have one node id, or a node of the machine file does not answer,
+    asked twice; with --passive, nothing is asked and nobody has to answer.
     """
     from drivers.bench import scan
 
@@ -47,7 +47,11 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
     for node in missing:
         text = f"axis {axes[node]}: node {node} of {bench.machine.source} {how}"
         click.echo(text, err=True)
-    if missing and not passive:
+    doubled = [node.node for node in found if node.doubled]
+    for node in doubled:
+        click.echo(f"node {node}: two devices have this id; no drive can be told from the other",
+                   err=True)  # fmt: skip
+    if doubled or (missing and not passive):
         raise click.exceptions.Exit(1)
 
 

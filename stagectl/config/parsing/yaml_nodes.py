@@ -24,6 +24,7 @@ from typing import Any, Final, NoReturn
 import yaml
 from yaml import events
 
+from stagectl.config.parsing.comments import without_passwords
 from stagectl.errors import ConfigError
 from stagectl.plain_text import find_control, one_line
 
@@ -76,7 +77,7 @@ class Document:
 
     Attributes:
         name: of the file, in messages.
-        text: of the file.
+        text: of the file, without passwords in comments: it is passed on.
         root: the tree of values with their marks.
         problems: values that were refused, one line each. `data` holds placeholders for them, so
             that the rest can be validated too; `validation.validate` reports both.
@@ -210,7 +211,7 @@ def parse_document(text: str, name: str) -> Document:
         raise ConfigError(format_problem(name, None, "", f"not valid YAML: {error}")) from None
     if root is None or root.value is None:
         raise ConfigError(format_problem(name, Mark(1, 1), "", "is empty"))
-    return Document(name, text, root, tuple(problems))
+    return Document(name, without_passwords(text), root, tuple(problems))
 
 
 class _Builder:

@@ -16,6 +16,7 @@ from stagectl.history import History, RunEntry, StageKey
 from stagectl.maps.model import MapVersion
 from stagectl.store import write_atomically
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _ALL = 10**9
 Cell = str | float | int | bool | datetime | None
 
@@ -141,15 +142,20 @@ def write_table(table: Table, path: Path) -> None:
         text = io.StringIO()
         writer = csv.writer(text)
         writer.writerow(table.columns)
-        writer.writerows(
-            [iso(c) if isinstance(c, datetime) else c for c in row] for row in table.rows
-        )
+        writer.writerows([_as_text(cell) for cell in row] for row in table.rows)
         data = text.getvalue().encode()
     elif path.suffix == ".parquet":
         data = _parquet(table)
     else:
         raise UnusableInput(f"{path}: write .csv or .parquet")
     write_atomically(path, data, "table")
+
+
+def _as_text(cell: Cell) -> Cell:
+    """A cell for CSV; a text that a spreadsheet would run as a formula gets an apostrophe."""
+    if isinstance(cell, datetime):
+        return iso(cell)
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
 
 
 def _when(time: float) -> datetime:

@@ -1,5 +1,6 @@
 """Batch simulation: closed forms, independent recordings, variants and threads."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
@@ -195,3 +196,17 @@ def test_rest_force_reaches_the_limit_of_its_own_direction(nominal, with_effects
     for held, force in ((9.3, 9.3), (-9.3, -8.4 * 0.88)):
         response = simulate(stage, still, still, None, rest_force=[held, 0.0], rounded=False)
         assert response.force[0, 0] == pytest.approx(force, abs=0.01)
+
+
+def test_the_memory_for_noise_does_not_grow_with_the_recording(nominal):
+    demand = np.zeros((30_000, len(nominal.axes)))
+    simulate(nominal, demand[:10], demand[:10], 1)
+    tracemalloc.start()
+    try:
+        response = simulate(nominal, demand, demand, 1)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    results = response.position.nbytes + response.force.nbytes
+    noise = 2 * 8 * nominal.ticks * demand.size  # of all of it, bytes
+    assert peak - results < noise

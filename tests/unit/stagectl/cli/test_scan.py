@@ -5,7 +5,10 @@ import json
 import pytest
 from click.testing import CliRunner
 
+from hil_sim.bus import World
+from hil_sim.stage import VirtualStage
 from stagectl.cli import cli
+from stagectl.config import load_machine, stage_settings
 
 
 def test_scan_finds_both_drives(call):
@@ -43,3 +46,14 @@ def test_a_scan_that_misses_a_node_of_the_machine_file_fails(call, more):
         assert isinstance(failure, SystemExit)  # no error, exit code 1
     assert f"axis y: node 2 of wafer-xy.yaml (packaged) was not heard{asked}\n" in err
     assert out.strip() == "[]" or "no node was heard" in out
+
+
+def test_two_devices_with_one_id_fail_the_scan(call):
+    world = World("scan-twins")
+    for seed in (1, 2):
+        VirtualStage(stage_settings(load_machine()), seed).attach(world)
+    world.sleep_until_ns(50_000_000)
+    failure, out, err = call("scan", "--bus", f"lockstep:{world.name}")
+    assert isinstance(failure, SystemExit)
+    assert "TWO DEVICES" in out
+    assert "node 1: two devices have this id" in err

@@ -9,6 +9,7 @@ from stagectl.errors import UnusableInput
 from stagectl.history import EstimateRecord, RunEntry
 from stagectl.maps import MapVersion
 from stagectl.maps.output.export import (
+    Table,
     grid_table,
     refused_table,
     sites_table,
@@ -64,3 +65,13 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     assert "a &lt;comment&gt;" in page
     assert "those from a warm-up lie above the dashed line" in page
     assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_a_name_is_no_formula_in_a_spreadsheet(tmp_path):
+    path = tmp_path / "table.csv"
+    names = ["=1+1", "+1", "-1", "@sum", "L7"]
+    write_table(Table(("lot", "force"), [[name, -0.5] for name in names]), path)
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    assert [lot for lot, _ in rows] == ["'=1+1", "'+1", "'-1", "'@sum", "L7"]
+    assert {force for _, force in rows} == {"-0.5"}
