@@ -4,7 +4,8 @@ A nut that creeps over its preload, balls that roll in their own grease and worn
 that dies out with speed. In the deceleration of a long move everything slides, so that what the
 measured force has beside mass, Coulomb and viscous friction is this force. Its level and the speed
 over which it decays are found by least squares: for each speed of a grid the level follows
-linearly, and the sums over the moves are kept for each of them.
+linearly, and the sums over the moves are kept for each of them, by groups of moves
+(`estimation.move_group`): two groups have to show the force, and agree.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel, machine_code
 from estimation.move import MoveData
+from estimation.move_group import GROUPS, move_group
 from estimation.sampled_force import slope
 
 F64 = NDArray[np.float64]
@@ -71,7 +73,7 @@ class LowSpeedFriction:
     def __init__(self, coulomb: float, period: float) -> None:
         self.level, self.speed = 0.0, float(SPEEDS[0])
         self._coulomb, self._period = coulomb, period
-        self._sums = np.zeros((len(SPEEDS), 3))
+        self._sums = np.zeros((GROUPS, len(SPEEDS), 3))
         self._moves = 0
         self._before = self._after = 0.0
         self._value = 0.0
@@ -119,7 +121,7 @@ class LowSpeedFriction:
             coulomb: Fc of the model [N].
         """
         begin = int(np.argmax(np.abs(position[2:] - position[:-2]))) + 1
-        sums = np.zeros_like(self._sums)
+        sums = np.zeros((len(SPEEDS), 3))
         count = self._add_up(position, force, friction, begin, self._period, SPEEDS, sums)
         if count < FEWEST:
             return False
@@ -130,13 +132,14 @@ class LowSpeedFriction:
         if self._moves:
             self._compare(sums)
         self._moves += 1
-        self._sums = KEPT * self._sums + sums
+        self._sums *= KEPT
+        self._sums[move_group(float(position[-1] - position[0]))] += sums
         self._decide(coulomb)
         return known != (self.level != 0.0)
 
     def _compare(self, sums: F64) -> None:
         """Note how well a move shows what was learned before it."""
-        at = int(np.argmin(_misfit(self._sums, self._coulomb)))
+        at = int(np.argmin(_misfit(self._sums.sum(axis=0), self._coulomb)))
         own, along, square = sums[at]
         left = float(_misfit(sums, 0.0).min())
         value = self._value
@@ -145,10 +148,11 @@ class LowSpeedFriction:
 
     def _decide(self, coulomb: float) -> None:
         """Level and speed that the moves together show; friction never drives an axis."""
-        misfit = _misfit(self._sums, self._coulomb)
+        sums = self._sums.sum(axis=0)
+        misfit = _misfit(sums, self._coulomb)
         at = int(np.argmin(misfit))
-        own = self._sums[:, 0] + self._coulomb**-2
-        values = self._sums[:, 1] / own
+        own = sums[:, 0] + self._coulomb**-2
+        values = sums[:, 1] / own
         self._value = float(values[at])
         aside = 0.0
         if 0 < at < len(SPEEDS) - 1:  # the vertex of the parabola through three speeds
@@ -160,7 +164,15 @@ class LowSpeedFriction:
         certain = abs(level) > LEAST * coulomb + SIGNIFICANT / np.sqrt(own[at])
         # What dies out faster than the lowest speed is presliding, which the law has or has not.
         likely = at > 0 and abs(level) < coulomb
-        self.level = level if self._moves > 1 and agrees and certain and likely else 0.0
+        shown = self._moves > 1 and agrees and self._groups_that_agree(at) > 1
+        self.level = level if shown and certain and likely else 0.0
+
+    def _groups_that_agree(self, at: int) -> int:
+        """How many groups show the force by themselves at this speed, and about as large."""
+        own = self._sums[:, at, 0] + self._coulomb**-2
+        values = self._sums[:, at, 1] / own
+        alike = (values - self._value) ** 2 <= EXPLAINED * self._value**2
+        return int(np.count_nonzero(alike & (np.abs(values) > SIGNIFICANT / np.sqrt(own))))
 
 
 @kernel()

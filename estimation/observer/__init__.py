@@ -3,7 +3,8 @@
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and
 `observer` (what happens between two SYNCs), `feedforward_error` (what a whole move lacked),
-`lacking_force` (its least squares), `sticking` (friction without presliding).
+`lacking_force` (its least squares), `learned_feedforward` (what moves have in common),
+`sticking` (friction without presliding).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer
@@ -13,8 +14,8 @@ from estimation.observer.feedforward_error import (
     MASS,
     Course,
     FeedforwardErrors,
-    LearnedFeedforward,
 )
+from estimation.observer.learned_feedforward import LearnedFeedforward
 from estimation.observer.loop import Carriage, DriveLoop, Mode
 from estimation.observer.observer import BusUnits, StageObserver
 from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE

@@ -1,11 +1,18 @@
 """What of a move's corrections goes with its acceleration, its jerk and the other axis, compiled.
 
-Least squares; what goes with none of them is projected out: a constant, a step with the motion and
-a slope over the velocity. The correction shows forces filtered, so the paths are filtered alike.
+Least squares; what goes with none of them is projected out: a constant, a step with the motion, a
+slope over the travel (a spring's, or a clock's that is off) and one over the velocity. The
+correction shows forces filtered, so the paths are filtered alike.
+
+Positions that are late look like a mass, too, by the drive's kd, but with a slope over the velocity
+by its kp: a move whose slope is nearer to that than to none says nothing. SYNCs off the drive's
+control ticks look like half of the mass: where much is lacking, the measured force must side with
+it.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +29,14 @@ FEWEST = 20
 """Samples of a move that say anything."""
 _INDEPENDENT = 2.0
 """Independent values per move of the disturbances that the basis does not contain."""
+_SIGNIFICANT = 3.0
+"""Standard deviations from which a move shows a mass of its own."""
 _SEPARABLE = 1e-6
 """Shares of a sum of squares that the least squares tell apart: axes that accelerate alike do not
 show mass and coupling apart, and each gets a half of what they show."""
-_OWN, _LACKED = 3, 6
-"""The first column of the figures', behind step, velocity and constant; and what is explained."""
+_SPEED, _OWN, _LACKED, _MEASURED = 3, 4, 7, 8
+"""Column of the velocity, and the first one of the figures', behind step, constant and travel; what
+is explained; and the measured force."""
 
 
 class Figures(NamedTuple):
@@ -37,6 +47,7 @@ class Figures(NamedTuple):
         coulomb: Fc [N].
         period: Ts [s].
         integral_gain: of the drive [N/(m s)].
+        slope_of_late: of its gains kp/kd [1/s].
         first_tick: share of a step of the demand that is made when the position is sampled.
         rest: so many samples after the motion count.
         scale: of the three figures: share of the mass, lead [s], share of the mass, (3,).
@@ -47,6 +58,7 @@ class Figures(NamedTuple):
     coulomb: float
     period: float
     integral_gain: float
+    slope_of_late: float
     first_tick: float
     rest: float
     scale: F64
@@ -54,14 +66,18 @@ class Figures(NamedTuple):
 
 
 @kernel()
-def find_lacking(demand, position, correction, across, figures, value, information):  # type: ignore[no-untyped-def]
-    """What the planned offsets of a move have lacked; False where it says nothing.
+def find_lacking(  # type: ignore[no-untyped-def]
+    demand, position, correction, across, force, planned, figures, value, information
+):
+    """What the planned offsets of a move have lacked; False where it says nothing (9 arguments).
 
     Args:
         demand: setpoints [m], (K,).
         position: sampled when they were sent [m], (K,).
         correction: force offset sent less the planned one [N], (K,).
         across: setpoints of the other axis [m], (K,).
+        force: measured [N], (K,).
+        planned: force per acceleration that was fed forward, over the mass.
         figures: `Figures`.
         value: written, (3,), in the units of `figures.scale`.
         information: written: inverse of its covariance, (3, 3).
@@ -69,7 +85,7 @@ def find_lacking(demand, position, correction, across, figures, value, informati
     end = _end_of(demand, across, figures)
     if end < FEWEST:
         return False
-    columns = _columns(demand, position, correction, across, figures, end)
+    columns = _columns(demand, position, correction, across, force, figures, end)
     count, samples = columns.shape
     products = np.empty((count, count))
     for i in range(count):
@@ -87,12 +103,24 @@ def find_lacking(demand, position, correction, across, figures, value, informati
     if not (square > 0.0 and total > 0.0):
         return False
     scale = figures.scale
+    speed = products[_SPEED, _LACKED]
     for i in range(2, -1, -1):
         row = products[_OWN + i]
         rest = row[_LACKED]
         for j in range(i + 1, 3):
             rest -= row[_OWN + j] * value[j]
         value[i] = rest / row[_OWN + i]
+        speed -= products[_SPEED, _OWN + i] * value[i]
+    row = products[_OWN]
+    lacked = scale[0] * row[_LACKED] / row[_OWN]
+    if row[_OWN] > 0.0:
+        beyond = scale[0] * row[_MEASURED] / row[_OWN] - planned
+        if abs(lacked) > scale[0] and abs(beyond - lacked) >= abs(beyond):
+            return False
+        noise = scale[0] * math.sqrt(square * samples / _INDEPENDENT / row[_OWN])
+        late = lacked * figures.mass * figures.slope_of_late * products[_SPEED, _SPEED]
+        if abs(lacked) > _SIGNIFICANT * noise and abs(speed - late) < abs(speed):
+            return False
     for i in range(3):
         for j in range(3):
             information[i, j] = own[i, j] / (scale[i] * scale[j] * square * samples / _INDEPENDENT)
@@ -118,11 +146,11 @@ def _end_of(demand, across, figures):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _columns(demand, position, correction, across, figures, end):  # type: ignore[no-untyped-def]
-    """Basis and lacking force, (7, end - 4): without ends, where derivatives are not known.
+def _columns(demand, position, correction, across, force, figures, end):  # type: ignore[no-untyped-def]
+    """Basis, lacking and measured force, (9, end - 4): no ends, where derivatives are not known.
 
-    Step, velocity and constant; force [N] of the three figures in units of `figures.scale`; what
-    was lacking [N]. Arguments as above.
+    Step, constant, travel and velocity; force [N] of the three figures in units of `figures.scale`;
+    what was lacking [N]; the measured force, filtered alike [N]. Arguments as above.
     """
     period, scale = figures.period, figures.scale
     before, other, sliding = np.empty(end), np.empty(end), np.zeros(end)
@@ -138,18 +166,21 @@ def _columns(demand, position, correction, across, figures, end):  # type: ignor
     path, other = _seen(before, figures.response), _seen(other, figures.response)
     sliding = _seen(sliding, figures.response)
     integrator = _seen(integrator, figures.response)
-    columns = np.empty((_LACKED + 1, end - 4))
+    measured = _seen(force[:end], figures.response)
+    columns = np.empty((_MEASURED + 1, end - 4))
     for n in range(end - 4):
         k = n + 2
         steps = path[k + 1] - path[k - 1]
         further = path[k + 2] - path[k - 2]
         columns[0, n] = sliding[k]
-        columns[1, n] = 0.5 * steps / period
-        columns[2, n] = 1.0
-        columns[3, n] = scale[0] * figures.mass * _bend(path, k) / period**2
-        columns[4, n] = scale[1] * figures.mass * (0.5 * further - steps) / period**3
-        columns[5, n] = scale[2] * figures.mass * _bend(other, k) / period**2
-        columns[6, n] = correction[k] - correction[0] + integrator[k]
+        columns[1, n] = 1.0
+        columns[2, n] = path[k] - path[0]
+        columns[_SPEED, n] = 0.5 * steps / period
+        columns[_OWN, n] = scale[0] * figures.mass * _bend(path, k) / period**2
+        columns[_OWN + 1, n] = scale[1] * figures.mass * (0.5 * further - steps) / period**3
+        columns[_OWN + 2, n] = scale[2] * figures.mass * _bend(other, k) / period**2
+        columns[_LACKED, n] = correction[k] - correction[0] + integrator[k]
+        columns[_MEASURED, n] = measured[k]
     return columns
 
 
@@ -180,7 +211,7 @@ def _seen(force, response):  # type: ignore[no-untyped-def]
 def _eliminate(products, pivot):  # type: ignore[no-untyped-def]
     """Take from the columns behind column `pivot` what goes with it.
 
-    `products` of the columns with each other, (7, 7), are changed.
+    `products` of the columns with each other, (9, 9), are changed.
     """
     count = products.shape[0]
     if not products[pivot, pivot] > 0.0:

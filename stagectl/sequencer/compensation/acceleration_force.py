@@ -68,7 +68,10 @@ class AccelerationForce:
         found = []
         if abs(mass) > REPORTED[MASS]:
             more = f"{100.0 * abs(mass):.1f} % {'more' if mass > 0.0 else 'less'}"
-            found.append(f"acceleration takes {more} force than the machine file says")
+            found.append(
+                f"acceleration takes {more} force than the machine file says, whether by mass or "
+                "motor constant (`stagectl gap excite`, its run and `stagectl gap diagnose` decide)"
+            )
         if abs(lead) > REPORTED[LEAD]:
             when = "later" if lead > 0.0 else "earlier"
             found.append(f"force acts {1e3 * abs(lead):.2f} ms {when} than the machine file says")
@@ -97,6 +100,8 @@ class AccelerationForce:
 
     def learn(self, course: Course) -> None:
         """Correct what is fed forward by what a move lacked; does nothing without an observer."""
-        error = None if self._errors is None else self._errors.find(course)
+        if self._errors is None:
+            return
+        error = self._errors.find(course, 1.0 + float(self._learned.fed[MASS]))
         if error is not None:
             self._learned.take(error)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.observer import Course
-from stagectl.sequencer.samples.sample_validity import bridged_positions, is_gapless
+from stagectl.sequencer.samples.sample_validity import bridged, is_gapless
 from stagedata import Samples
 
 F64 = NDArray[np.float64]
@@ -26,14 +26,16 @@ def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
     sound = np.count_nonzero(samples.valid)
     if not is_gapless(samples, period) or sound < LEAST_SOUND * samples.valid.size:
         return []
-    demand, position = samples.position_demand, bridged_positions(samples)
+    demand, position = samples.position_demand, bridged(samples.position, samples)
     correction = samples.force_offset - planned
+    force = bridged(samples.force, samples)
     return [
         Course(
             demand[:, a],
             position[:, a],
             correction[:, a],
             demand[:, 1 - a] if samples.axes == 2 else np.zeros(len(demand)),
+            force[:, a],
         )
         for a in range(samples.axes)
     ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stagectl.sequencer.samples.sample_validity import (
     EXACT,
-    bridged_positions,
+    bridged,
     grid_places,
     is_gapless,
 )
@@ -57,7 +57,7 @@ def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
     late = np.flatnonzero(still)
     if not len(late):
         return mask
-    for a, position in enumerate(bridged_positions(samples).T):
+    for a, position in enumerate(bridged(samples.position, samples).T):
         least = _smallest_jump(samples, a)
         step = np.abs(np.diff(position))
         speed = np.append(step, 0.0) / np.append(np.diff(place), 1)

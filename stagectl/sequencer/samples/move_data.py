@@ -13,7 +13,7 @@ from estimation.move import MoveData
 from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers
 from stagectl.sequencer.samples.sample_validity import (
     F64,
-    bridged_positions,
+    bridged,
     filled_to_grid,
     resampled_to_grid,
     without_stale,
@@ -53,4 +53,4 @@ def prepare_move_data(
         )
         for a in range(data.axes)
     ]
-    return records, bridged_positions(data)
+    return records, bridged(data.position, data)

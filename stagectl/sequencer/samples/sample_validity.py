@@ -53,14 +53,14 @@ def mean_force(samples: Samples) -> F64:
     return np.array(means)
 
 
-def bridged_positions(samples: Samples) -> F64:
-    """Positions with straight lines across invalid samples [m], shape (K, n)."""
+def bridged(values: F64, samples: Samples) -> F64:
+    """Values of all axes with straight lines across invalid samples, shape (K, n)."""
     if samples.valid.all():
-        return samples.position
+        return values
     index = np.arange(len(samples))
     columns = [
-        np.interp(index, index[ok], values[ok]) if ok.any() else values
-        for values, ok in zip(samples.position.T, samples.valid.T, strict=True)
+        np.interp(index, index[ok], own[ok]) if ok.any() else own
+        for own, ok in zip(values.T, samples.valid.T, strict=True)
     ]
     return np.column_stack(columns)
 

@@ -46,9 +46,10 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
     found = LowSpeedFriction(COULOMB, PERIOD)
     changes = 0
     for number in range(4):
-        *_, velocity = decelerate(number, to=to)
+        there = to * (-1) ** number
+        *_, velocity = decelerate(number, to=there)
         extra = extra_force(level, speed, velocity)
-        position, force, friction, _ = decelerate(number, extra, to)
+        position, force, friction, _ = decelerate(number, extra, there)
         changes += found.learn(position, force, friction, COULOMB)
         assert not (number == 0 and found.level)
     assert found.level
@@ -62,10 +63,10 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
 def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
     """Of those that are there as if none were lost; from lost ones nothing is learned."""
     found = LowSpeedFriction(COULOMB, PERIOD)
-    for number in range(3):
-        *_, velocity = decelerate(number)
+    for number, to in enumerate((0.05, 0.05, 0.1)):
+        *_, velocity = decelerate(number, to=to)
         extra = extra_force(3.0, 12e-3, velocity)
-        position, force, friction, _ = decelerate(number, extra)
+        position, force, friction, _ = decelerate(number, extra, to)
         found.learn(position, force, friction, COULOMB)
     valid = np.ones(len(position), dtype=np.bool_)
     whole = found.without(MoveData(position, force, valid, 0.0, 0.0))
@@ -103,6 +104,23 @@ def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
         found.learn(position, force, friction, COULOMB)
         assert not found.level
     assert found.level == 0.0
+
+
+def test_one_group_of_moves_alone_shows_nothing() -> None:
+    """What acts in one direction alone, or at the end of one path, is not friction over speed."""
+    found = LowSpeedFriction(COULOMB, PERIOD)
+    for number in range(8):
+        to = 0.05 * (-1) ** number
+        *_, velocity = decelerate(number, to=to)
+        extra = extra_force(2.0, 12e-3, velocity) * (to > 0.0)
+        position, force, friction, _ = decelerate(number, extra, to)
+        found.learn(position, force, friction, COULOMB)
+        assert not found.level
+    for number in range(8):
+        *_, velocity = decelerate(number)
+        position, force, friction, _ = decelerate(number, extra_force(2.0, 12e-3, velocity))
+        found.learn(position, force, friction, COULOMB)
+        assert not found.level
 
 
 def test_a_short_record_says_nothing() -> None:

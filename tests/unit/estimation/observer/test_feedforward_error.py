@@ -1,8 +1,6 @@
-"""What a move shows its planned force to lack, and what of it is fed forward."""
+"""What a move shows its planned force to lack."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +11,8 @@ from estimation.observer import (
     MASS,
     Course,
     FeedforwardErrors,
-    LearnedFeedforward,
 )
-from estimation.observer.feedforward_error import MOST, FeedforwardError
+from estimation.observer.feedforward_error import SCALE
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine
 from stagectl.config.settings.observer import design_observers
@@ -34,7 +31,7 @@ def demand(target, count=400, period=PERIOD):
     return motion.sample(np.arange(1, count + 1) * period)[0]
 
 
-def corrected(design, setpoints, across, mass, lead, coupling):
+def corrected(design, setpoints, across, mass, lead, coupling, measured=True):
     """A course on which the axis follows, as the observer corrects what is lacking.
 
     The lacking force is built from the demand by differences, the correction by the observer's
@@ -53,7 +50,8 @@ def corrected(design, setpoints, across, mass, lead, coupling):
         correction[k] = pace
     first_tick = own.drive.control_period / PERIOD
     position = before + first_tick * (setpoints - before)
-    return Course(setpoints, position, correction, across)
+    force = m * acceleration + 6.0 * np.sign(np.gradient(before)) + measured * lacking
+    return Course(setpoints, position, correction, across, force)
 
 
 @pytest.mark.parametrize("lacking", [(0.08, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 0.03)])
@@ -63,7 +61,7 @@ def test_mass_lead_and_coupling_are_told_apart(design, lacking):
     # the observer's lag, which is not the one assumed here, turns 8 % of mass into 0.2 ms
     error = np.abs(found.value - lacking)
     assert np.all(error <= np.maximum(np.multiply(0.2, lacking), [0.01, 2.5e-4, 0.003]))
-    assert np.argmax(np.abs(found.value) / MOST) == np.argmax(lacking / MOST)
+    assert np.argmax(np.abs(found.value) / SCALE) == np.argmax(lacking / SCALE)
 
 
 def test_an_axis_at_rest_shows_coupling_alone(design):
@@ -96,58 +94,38 @@ def replace_correction(course):
     return course._replace(correction=np.linspace(0.0, 1.0, len(course.demand)))
 
 
-def move(value, sigma=(0.005, 3e-5, 0.005)):
-    return FeedforwardError(np.array(value), np.diag(np.power(sigma, -2.0)))
+def test_much_more_mass_counts_if_the_measured_force_shows_it(design):
+    """SYNCs off the control ticks look like half of the mass, and take no force."""
+    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+    rest = np.full(400, 0.01)
+    found = errors.find(corrected(design, demand(0.025), rest, 0.8, 0.0, 0.0))
+    assert found.value[MASS] == pytest.approx(0.8, rel=0.1)
+    assert (
+        errors.find(corrected(design, demand(0.025), rest, 0.8, 0.0, 0.0, measured=False)) is None
+    )
 
 
-def test_what_moves_show_again_and_again_is_fed_forward():
-    learned = LearnedFeedforward()
-    truth = np.array([0.09, 0.0, 0.03])
-    for k in range(6):
-        wander = 1e-3 * (-1) ** k
-        learned.take(move(truth + np.array([wander, 0.0, wander]) - learned.fed))
-        if k == 0:
-            assert not learned.fed.any(), "one move explains only itself"
-    assert learned.fed == pytest.approx(truth, abs=2e-3)
-    for _ in range(20):
-        learned.take(move(-learned.fed))  # the payload is gone
-    assert learned.fed == pytest.approx(np.zeros(3), abs=2e-3)
+def test_positions_that_are_late_are_not_more_mass(design):
+    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+    rest = np.full(400, 0.01)
+    course = corrected(design, demand(0.025), rest, 0.08, 0.0, 0.0)
+    assert errors.find(course) is not None
+    drive, pace, seen = design.figures.drive, 0.0, np.zeros(400)
+    age = 0.08 * design.figures.carriage.mass / drive.kd
+    for k in range(3, 400):
+        velocity = (course.demand[k - 3] - course.demand[max(k - 4, 0)]) / PERIOD
+        pace += design.gain * (drive.kp * age * velocity - pace)
+        seen[k] = pace
+    assert errors.find(course._replace(correction=course.correction + seen)) is None
 
 
-def test_what_a_perfect_move_shows_is_not_fed_forward():
-    learned = LearnedFeedforward()
-    for _ in range(20):
-        learned.take(move(np.array([-2e-3, -5e-5, 0.0]) - learned.fed))
-    assert not learned.fed.any()
-
-
-def test_what_differs_from_move_to_move_is_not():
-    learned, random = LearnedFeedforward(), np.random.default_rng(5)
-    for _ in range(60):
-        seen = random.normal(0.0, 1.0, 3) * [0.03, 2e-4, 0.03]
-        learned.take(move(seen - learned.fed))
-        assert np.abs(learned.fed / MOST).max() < 0.03
-
-
-def test_an_agreement_of_uncertain_moves_is_not():
-    learned = LearnedFeedforward()
-    for _ in range(3):  # coupling, where the other axis hardly moves
-        learned.take(move((0.0, 0.0, 0.05), (0.005, 3e-5, 0.12)))
-    assert learned.value[2] == pytest.approx(0.05, rel=0.2)
-    np.testing.assert_array_equal(learned.fed, 0.0)
-
-
-def test_what_is_more_than_plausible_is_not_fed_forward():
-    learned = LearnedFeedforward()
-    for _ in range(5):
-        learned.take(move(np.array([-0.48, 5e-4, 0.0]) - learned.fed))
-    assert learned.value[0] == pytest.approx(-0.48, rel=0.1)
-    assert learned.fed == pytest.approx([0.0, 5e-4, 0.0], rel=0.1)
-
-
-def test_thousands_of_moves_of_one_axis_alone():
-    learned = LearnedFeedforward()
-    alone = replace(move([0.05, 0.0, 0.0]), information=np.diag([4e4, 1e9, 0.0]))
-    for _ in range(5000):
-        learned.take(replace(alone, value=np.array([0.05, 0.0, 0.0]) - learned.fed))
-    assert learned.fed == pytest.approx([0.05, 0.0, 0.0], abs=1e-6)
+def test_a_spring_is_no_mass(design):
+    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+    rest = np.full(400, 0.01)
+    course = corrected(design, demand(0.025), rest, 0.0, 0.0, 0.0)
+    pace, pull = 0.0, np.random.default_rng(3).normal(0.0, 0.02, 400)
+    for k in range(3, 400):
+        pace += design.gain * (150.0 * course.demand[k - 3] - pace)
+        pull[k] += pace
+    found = errors.find(course._replace(correction=pull))
+    assert abs(found.value[MASS]) < 0.005
