@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from estimation.friction.law import F64
-from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, model_at
+from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, model_at
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
@@ -44,13 +44,18 @@ class Estimate:
         outcome: of the update.
         facts: model that the figures are relative to, mass that the apparent mass is relative to
             [kg], and period of the samples [s].
+        shape: standard deviation of sigma0 by what the shape of the hysteresis leaves open,
+            relative (`estimation.friction.shape`).
     """
 
-    __slots__ = ("_facts", "_outcome")
+    __slots__ = ("_facts", "_outcome", "_shape")
 
-    def __init__(self, outcome: Outcome, facts: tuple[FrictionFigures, float, float]) -> None:
+    def __init__(
+        self, outcome: Outcome, facts: tuple[FrictionFigures, float, float], shape: float = 0.0
+    ) -> None:
         self._outcome = outcome
         self._facts = facts
+        self._shape = shape
 
     @property
     def accepted(self) -> bool:
@@ -101,12 +106,18 @@ class Estimate:
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the figures that the law has, by name, in their units."""
-        return in_own_units(np.sqrt(self._outcome.covariance.diagonal()), self._facts[0])
+        return in_own_units(np.sqrt(self._widened().diagonal()), self._facts[0])
 
     @property
     def covariance(self) -> F64:
         """Of the n figures in `sigma` in that order, shape (n, n)."""
-        return in_units(self._outcome.covariance, self._facts[0])
+        return in_units(self._widened(), self._facts[0])
+
+    def _widened(self) -> F64:
+        """Covariance of the state, with what the shape of the hysteresis leaves open of sigma0."""
+        covariance = self._outcome.covariance.copy()
+        covariance[STIFFNESS, STIFFNESS] += (self._shape * self._outcome.mean[STIFFNESS]) ** 2
+        return covariance
 
     @property
     def expected(self) -> tuple[float, float]:

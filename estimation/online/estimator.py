@@ -7,7 +7,8 @@ equation (4)). What the unknowns are: `belief`; how a move is solved: `solve`; h
 `arrival_cost`; how an estimate is judged: `judge`.
 
 An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
-Not estimated here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
+Not estimated here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis; what
+the last leaves open of sigma0 is in its sigma.
 """
 
 from __future__ import annotations
@@ -21,8 +22,10 @@ import numpy as np
 
 from estimation.friction.law import F64
 from estimation.friction.model import FrictionState, breakaway_travel, count_states, make_constants
+from estimation.friction.shape import stiffness_doubt
 from estimation.move import MoveData
 from estimation.online.belief import (
+    ALPHA,
     COULOMB,
     FIGURES,
     FORCE,
@@ -162,9 +165,17 @@ class SplitHorizonEstimator:
         As those of the last accepted estimate, they count what the moves disagree by.
         """
         factor = np.sqrt(np.maximum(self._axis["scale"][:MASS], 1.0))
-        return in_own_units(
-            factor * np.sqrt(self._belief.covariance.diagonal()[:MASS]), self._start
-        )
+        spread = factor * np.sqrt(self._belief.covariance.diagonal()[:MASS])
+        shape = self._shape_doubt() * self._belief.mean[STIFFNESS]
+        spread[STIFFNESS] = math.hypot(spread[STIFFNESS], shape)
+        return in_own_units(spread, self._start)
+
+    def _shape_doubt(self) -> float:
+        """What the shape of the hysteresis leaves open of sigma0, relative."""
+        if not self._start.has("elements"):
+            return 0.0
+        static = 1.0 + max(float(self._belief.mean[ALPHA]), 0.0)
+        return stiffness_doubt(self._start.elements, float(self._axis["model_error"]) / static)
 
     def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
         """Begin from figures that were learned before instead of from the start model.
@@ -303,7 +314,7 @@ class SplitHorizonEstimator:
             if outcome.verdict == JUMP:
                 self._note_jump(outcome)
             self._known = self._is_state_known(outcome.verdict, move)
-        return Estimate(outcome, self._facts)
+        return Estimate(outcome, self._facts, self._shape_doubt())
 
     def _is_state_known(self, verdict: int, move: MoveData) -> bool:
         """Whether the friction state is known behind a refused move.
