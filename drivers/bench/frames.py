@@ -1,7 +1,7 @@
 """Frames on a CANopen bus in words, by the predefined connection set and the nodes' EDS files.
 
 What a PDO holds is followed (`pdo_maps`): SDO writes to mappings are heard like everything else.
-Nothing is sent, unless the mappings are read from the nodes first (`FrameDecoder.read_mappings`).
+Nothing is sent, unless the nodes are asked for mappings and units first (`read_nodes`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from drivers.canopen import (
     load_dictionary,
     register_text,
 )
-from drivers.errors import NodeError
+from drivers.drive import check_units
+from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import SYNC_ID, ObjectRef
 from drivers.settings import HOST_NODE, AxisSettings
 
@@ -62,6 +63,7 @@ class _Known:
 
     def __init__(self, settings: AxisSettings) -> None:
         self.settings = settings
+        self.units: AxisSettings | None = settings
         self.dictionary = load_dictionary(settings)
         self.maps = PdoMaps(self.dictionary)
         self.writing: tuple[int, int, int] | None = None
@@ -83,29 +85,35 @@ class FrameDecoder:
     def __init__(self, axes: Sequence[AxisSettings]) -> None:
         self._nodes = {axis.node: _Known(axis) for axis in axes}
 
-    def read_mappings(self, network: Network) -> list[str]:
-        """Reads the mappings from the nodes by SDO.
+    def read_nodes(self, network: Network) -> list[str]:
+        """Reads mappings and units from the nodes by SDO.
 
         Returns:
-            One line for each node that does not answer: its mappings stay those of its EDS.
+            One line for each node that does not answer, whose mappings stay those of its EDS, and
+            for each whose units are not those of the settings: its values stay as they are.
 
         Raises:
             BusError: the bus fails.
         """
-        silent = []
+        notes = []
         for known in self._nodes.values():
             node = Node(network, known.settings)
             try:
+                try:
+                    check_units(node, known.settings)
+                except ConfigurationError as other:
+                    known.units = None
+                    notes.append(f"{other}; its values are shown in the drive's units")
                 known.maps.read(node)
             except NodeError:
                 known.maps.reset()
-                silent.append(
+                notes.append(
                     f"axis {node.name}: node {node.id} does not answer; its PDOs are taken to be "
                     f"those of {known.settings.eds.name}"
                 )
             finally:
                 node.detach()
-        return silent
+        return notes
 
     def decode(self, can_id: int, data: bytes) -> Decoded:
         """A data frame with an 11-bit id in words."""
@@ -202,7 +210,7 @@ class FrameDecoder:
 
     def _value(self, known: _Known | None, obj: ObjectRef, payload: bytes) -> str:
         variable = None if known is None else known.variable(obj.index, obj.sub)
-        return _value_text(obj, payload, variable, None if known is None else known.settings)
+        return _value_text(obj, payload, variable, None if known is None else known.units)
 
 
 def _nmt(data: bytes, name_of: Callable[[int], str]) -> Decoded:
@@ -237,13 +245,31 @@ def _split(pdo: Pdo, data: bytes) -> Iterator[tuple[tuple[int, int], bytes]]:
 def _with_name(known: _Known, index: int, sub: int, data: bytes) -> str:
     variable = known.variable(index, sub)
     obj = ObjectRef(index, sub, "") if variable is None else reference(variable)
-    name = without_unit(obj.name) or f"0x{index:04X}:{sub:02X}"
-    return f"{name} {_value_text(obj, data, variable, known.settings)}"
+    raw, words = _raw_and_words(obj, data, variable, known.units)
+    if not obj.name:
+        return f"0x{index:04X}:{sub:02X} {raw}"
+    if words is None:
+        return f"{obj.name} {raw}"
+    return f"{without_unit(obj.name)} {_joined(obj, raw, words)}"
 
 
 def _value_text(
     obj: ObjectRef, data: bytes, variable: ODVariable | None, axis: AxisSettings | None
 ) -> str:
+    return _joined(obj, *_raw_and_words(obj, data, variable, axis))
+
+
+def _joined(obj: ObjectRef, raw: str, words: str | None) -> str:
+    """Codes by number and in words; of other values the SI value, where there is one."""
+    if words is None:
+        return raw
+    return f"{raw} ({words})" if obj.index in _CODES else words
+
+
+def _raw_and_words(
+    obj: ObjectRef, data: bytes, variable: ODVariable | None, axis: AxisSettings | None
+) -> tuple[str, str | None]:
+    """A value as the drive holds it, and its meaning."""
     value: Value = int.from_bytes(data, "little")
     bits = 8 * len(data)
     if variable is not None and (variable.data_type not in INTEGER_TYPES or len(variable) == bits):
@@ -251,7 +277,4 @@ def _value_text(
             value = variable.decode_raw(data)
         except ObjectDictionaryError:
             value = data
-    raw, words = raw_text(obj, value, bits), meaning(obj, value, axis)
-    if words is None:
-        return raw
-    return f"{raw} ({words})" if obj.index in _CODES else words
+    return raw_text(obj, value, bits), meaning(obj, value, axis)

@@ -20,6 +20,7 @@ from drivers.drive.cia402 import (
     next_controlword,
 )
 from drivers.drive.scaling import Scale, counts, dimension, unit
+from drivers.drive.units import check_units
 
 __all__ = [
     "ENABLED_MASK",
@@ -32,6 +33,7 @@ __all__ = [
     "Scale",
     "State",
     "Status",
+    "check_units",
     "counts",
     "decode",
     "dimension",

@@ -53,7 +53,8 @@ def command(
     controlword, mode or NMT state in them changes, and once a second, with the number left out.
     The log has all frames.
 
-    At the start the PDO mappings are read from the machine file's nodes by SDO; not with --passive.
+    At the start mappings and units are read from the machine file's nodes by SDO; with --passive
+    they are those of EDS and machine file.
     Can be used while another host runs the stage, unless that host uses SDO at the same moment.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from drivers.bench import FrameDecoder
@@ -67,7 +68,7 @@ def command(
         stopped()  # from here on, Ctrl-C only sets a flag
         decoder = FrameDecoder(bench.axes)
         if not passive:
-            for line in decoder.read_mappings(network):
+            for line in decoder.read_nodes(network):
                 click.echo(line, err=True)
         screen = _Screen(decoder, every)
         for message in _frames(network, duration, stopped):

@@ -82,6 +82,7 @@ def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | N
       stagectl sdo get x 0x6041 --simulate
       stagectl sdo get y 0x1018 --simulate --json -
 
+    SI values are left out where the drive says that it counts in other units than the machine file.
     Can be used while another host runs the stage, unless that host uses SDO at the same moment.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from canopen.objectdictionary import ODVariable
@@ -97,7 +98,10 @@ def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | N
     else:
         variables = [_variable(dictionary, axis, obj)]
     with bench.observer() as network, _node(network, axis) as remote:
-        entries = [_entry(axis, v, _read(remote, v)) for v in variables]
+        problem = _unit_problem(remote, axis, variables)
+        entries = [_entry(axis, v, _read(remote, v), problem is None) for v in variables]
+    if problem is not None:
+        click.echo(f"{problem}; values are in the drive's unit", err=True)
     write_json(entries, json_out)
     if not is_json_on_stdout(json_out):
         for one in entries:
@@ -142,7 +146,7 @@ def set_(
     axis = _axis(bench.axes, node)
     with _usable():
         variable = _variable(load_dictionary(axis), axis, obj)
-        wanted = _parse(value, variable, axis)
+        wanted, converted = _parse(value, variable, axis)
     ref = _reference(variable)
     if not variable.writable:
         raise UnusableInput(f"axis {axis.name}: {ref}: the EDS says read-only")
@@ -152,11 +156,16 @@ def set_(
         if not yes:
             network.listen(LISTENING)  # refuses a bus on which a host is active
             _require_no_force(remote)
+        problem = _unit_problem(remote, axis, [variable])
+        if problem is not None:
+            if converted:
+                raise UnusableInput(f"{problem}; give VALUE in the drive's unit")
+            click.echo(f"{problem}; values are in the drive's unit", err=True)
         readable = variable.readable and variable.index not in _COMMANDS
         before = _read(remote, variable) if readable else None
         remote.write(ref, wanted)
         held = _read(remote, variable) if readable else wanted
-    entry = _entry(axis, variable, held)
+    entry = _entry(axis, variable, held, problem is None)
     write_json({**entry, "before": _plain(before)}, json_out)
     if not is_json_on_stdout(json_out):
         was = "" if before is None else f" (was {raw_text(ref, before, len(variable))})"
@@ -213,21 +222,21 @@ def _variable(
     )
 
 
-def _parse(text: str, variable: ODVariable, axis: AxisSettings) -> Value:
-    """A value, or a quantity in the object's dimension, in the drive's unit."""
+def _parse(text: str, variable: ODVariable, axis: AxisSettings) -> tuple[Value, bool]:
+    """A value in the drive's unit, and whether it has been converted from a unit of its own."""
     from drivers.bench import parse, unit_of
     from stagectl.config.parsing import units
     from stagectl.errors import UnusableInput
 
     unit = unit_of(_reference(variable), axis)
     if unit is None or unit[1] not in _DIMENSIONS or not _WITH_UNIT.fullmatch(text):
-        return parse(text, variable, axis)
+        return parse(text, variable, axis), False
     size, name = unit
     try:
         value = units.parse_quantity(text, getattr(units, _DIMENSIONS[name]))
     except ValueError as reason:
         raise UnusableInput(f"axis {axis.name}: {_reference(variable)}: {reason}") from reason
-    return parse(str(round(value / size)), variable, axis)
+    return parse(str(round(value / size)), variable, axis), True
 
 
 def _reference(variable: ODVariable) -> Any:
@@ -255,6 +264,21 @@ def _read(node: Node, variable: ODVariable) -> Value:
     return node.read(ref) if variable.data_type in INTEGER_TYPES else node.read_value(ref)
 
 
+def _unit_problem(node: Node, axis: AxisSettings, variables: list[ODVariable]) -> str | None:
+    """Why the drive's unit of one of these is not the machine file's; None where it is."""
+    from drivers.bench import unit_of
+    from drivers.drive import check_units
+    from drivers.errors import ConfigurationError
+
+    if all(unit_of(_reference(v), axis) is None for v in variables):
+        return None
+    try:
+        check_units(node, axis)
+    except ConfigurationError as problem:
+        return str(problem)
+    return None
+
+
 def _require_no_force(node: Node) -> None:
     from drivers import objects as od
     from drivers.drive import State, decode
@@ -268,11 +292,14 @@ def _require_no_force(node: Node) -> None:
         )
 
 
-def _entry(axis: AxisSettings, variable: ODVariable, value: Value) -> dict[str, Any]:
+def _entry(
+    axis: AxisSettings, variable: ODVariable, value: Value, units_agree: bool
+) -> dict[str, Any]:
     from drivers.bench import meaning, raw_text, type_name, unit_of
 
     ref = _reference(variable)
-    unit = unit_of(ref, axis) if isinstance(value, int | float) else None
+    known = units_agree and isinstance(value, int | float)
+    unit = unit_of(ref, axis) if known else None
     return {
         "axis": axis.name,
         "node": axis.node,
@@ -284,7 +311,7 @@ def _entry(axis: AxisSettings, variable: ODVariable, value: Value) -> dict[str, 
         "si": None if unit is None else value * unit[0],  # type: ignore[operator]
         "unit": None if unit is None else unit[1],
         "text": raw_text(ref, value, len(variable)),
-        "meaning": meaning(ref, value, axis),
+        "meaning": meaning(ref, value, axis if units_agree else None),
     }
 
 

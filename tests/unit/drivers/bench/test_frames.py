@@ -84,7 +84,7 @@ def test_mappings_are_read_from_the_nodes(axes):
         dictionary = stage.drives[0].dictionary
         dictionary.values.update({0x1A0000: 3, 0x1A0002: 0x60640020, 0x1A0003: 0x60770010})
         decoder = FrameDecoder(axes)
-        assert decoder.read_mappings(bus) == []
+        assert decoder.read_nodes(bus) == []
     assert line(decoder, 0x181, CSP_FRAME) == CSP_TEXT
 
 
@@ -92,9 +92,19 @@ def test_a_node_that_does_not_answer_is_named_and_taken_by_its_eds(axes):
     with network(load_machine(None)) as (bus, stage):
         stage.drives[1].nmt.enter(NmtState.STOPPED)
         decoder = FrameDecoder(axes)
-        (silent,) = decoder.read_mappings(bus)
+        (silent,) = decoder.read_nodes(bus)
     assert silent.startswith("axis y: node 2 does not answer; its PDOs are taken to be those of")
     assert line(decoder, 0x182, b"\x37\x02").endswith("Statusword 0x0237 (enabled, under force)")
+
+
+def test_values_of_a_drive_with_other_units_stay_as_they_are(axes):
+    with network(load_machine(None)) as (bus, stage):
+        stage.drives[0].dictionary.values[0x60A900] = 0x00B44700  # revolutions per minute
+        decoder = FrameDecoder(axes)
+        (note,) = decoder.read_nodes(bus)
+    assert note.startswith("axis x: 0x60A9:00 ")
+    assert line(decoder, 0x381, b"\x37\x02\x40\x42\x0f\x00").endswith("actual value [nm] 1000000")
+    assert line(decoder, 0x382, b"\x37\x02\x40\x42\x0f\x00").endswith("Position actual value 1 mm")
 
 
 def test_mappings_are_followed_as_a_host_writes_them(decoder):

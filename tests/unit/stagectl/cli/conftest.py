@@ -1,13 +1,18 @@
 """Commands called in this process."""
 
+import itertools
 import struct
 
 import can
 import pytest
 from click.testing import CliRunner
 
-from hil_sim.cia301 import Dictionary
+from hil_sim.bus import World
+from hil_sim.stage import VirtualStage
 from stagectl.cli import cli
+from stagectl.config import load_machine, stage_settings
+
+_names = itertools.count()
 
 
 @pytest.fixture
@@ -36,17 +41,10 @@ def enabled(bus, node):
 
 
 @pytest.fixture
-def odd_drive(monkeypatch):
-    """Makes virtual drives hold another value of an object than the one written."""
-
-    def make(key, held):
-        store = Dictionary.set_data
-
-        def set_data(self, index, sub, data, check_writable=False):
-            store(self, index, sub, data, check_writable)
-            if index << 8 | sub == key:
-                self.values[key] = held(self.values[key])
-
-        monkeypatch.setattr(Dictionary, "set_data", set_data)
-
-    return make
+def odd_drives():
+    """Virtual drives to be changed, switched on on a bus in virtual time, and its name."""
+    world = World(f"cli-{next(_names)}")
+    stage = VirtualStage(stage_settings(load_machine(None)), seed=1)
+    stage.attach(world)
+    world.sleep_until_ns(100_000_000)
+    return stage.drives, f"lockstep:{world.name}"

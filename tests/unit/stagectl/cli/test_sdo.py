@@ -81,11 +81,30 @@ def test_what_the_drive_refuses_is_one_line(call):
     assert "axis x: 0x6060:00 Modes of operation: write of 99 refused" in str(failure)
 
 
-def test_a_drive_that_holds_another_value_is_an_error(call, monkeypatch, odd_drive):
-    odd_drive(0x606500, lambda value: value // 2)
-    failure, _, _ = call("sdo", "set", "x", "0x6065", "1000", "--simulate")
+def test_a_drive_that_holds_another_value_is_an_error(call, odd_drives):
+    (drive, _), bus = odd_drives
+    values = drive.dictionary.values
+    drive.dictionary.on_write[0x606500] = lambda value: values.update({0x606500: value // 2})
+    failure, out, _ = call("sdo", "set", "x", "0x6065", "1000", "--bus", bus)
     assert type(failure) is StagectlError
     assert str(failure).endswith("wrote 1000, the drive holds 500")
+    assert "500 = 0.0005 mm" in out
+
+
+def test_a_drive_that_counts_in_other_units_gets_and_shows_no_others(call, odd_drives):
+    (drive, _), bus = odd_drives
+    drive.dictionary.values[0x60A900] = 0x00B44700  # revolutions per minute
+    failure, out, err = call("sdo", "get", "x", "0x6081", "--bus", bus)
+    assert failure == 0
+    assert out == "0x6081:00 Profile velocity [nm/s]: 100000000  [UNSIGNED32, rw]\n"
+    assert err.startswith("axis x: 0x60A9:00 ")
+    failure, _, _ = call("sdo", "set", "x", "0x6081", "5mm/s", "--bus", bus)
+    assert isinstance(failure, UnusableInput)
+    assert str(failure).endswith("give VALUE in the drive's unit")
+    assert drive.dictionary.values[0x608100] == 100_000_000
+    failure, out, _ = call("sdo", "set", "x", "0x6081", "60", "--bus", bus)
+    assert failure == 0
+    assert out == "0x6081:00 Profile velocity [nm/s]: 60  [UNSIGNED32, rw] (was 100000000)\n"
 
 
 @pytest.mark.real_time
