@@ -164,11 +164,20 @@ class SplitHorizonEstimator:
 
         As those of the last accepted estimate, they count what the moves disagree by.
         """
-        factor = np.sqrt(np.maximum(self._axis["scale"][:MASS], 1.0))
-        spread = factor * np.sqrt(self._belief.covariance.diagonal()[:MASS])
-        shape = self._shape_doubt() * self._belief.mean[STIFFNESS]
+        spread = self._spread()
+        shape = self._shape_doubt() * float(self._belief.mean[STIFFNESS])
         spread[STIFFNESS] = math.hypot(spread[STIFFNESS], shape)
         return in_own_units(spread, self._start)
+
+    @property
+    def sigma_by_moves(self) -> dict[str, float]:
+        """As `sigma`, without what no move determines: the shape of the hysteresis."""
+        return in_own_units(self._spread(), self._start)
+
+    def _spread(self) -> F64:
+        """Standard deviations of the friction figures, relative to those of the start model."""
+        factor = np.sqrt(np.maximum(self._axis["scale"][:MASS], 1.0))
+        return np.asarray(factor * np.sqrt(self._belief.covariance.diagonal()[:MASS]))
 
     def _shape_doubt(self) -> float:
         """What the shape of the hysteresis leaves open of sigma0, relative."""

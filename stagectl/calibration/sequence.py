@@ -163,7 +163,7 @@ def _gain(
         at, time = _move(
             estimator, axis, state, at, excursion.offset[index], excursion.profile, time, period
         )
-    after = estimator.sigma
+    after = estimator.sigma_by_moves
     return {
         name: Gain(START[name], after[name] / value) for name, value in values.items()
     }, time - begin
