@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -224,7 +225,7 @@ def _measure(
         where = without_password(where) if is_server(where) else where
         console.print(
             f"map {number} stored in {where}; 'stagectl map activate {number} --history "
-            f"{where}' puts it into use",
+            f"{shlex.quote(where)}' puts it into use",
             soft_wrap=True,
         )  # fmt: skip
     elif result.error is not None:

@@ -7,6 +7,7 @@ history, or `stagectl history import`, files it from there.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import asdict
 from importlib import metadata
@@ -136,7 +137,8 @@ class RunHistory:
         why = writer.failure or (
             "too many were waiting for it" if writer.dropped else "it does not answer"
         )
-        return f"{lacks} ({why}); 'stagectl history import {folder}' files the rest"
+        command = f"stagectl history import {shlex.quote(str(folder))}"
+        return f"{lacks} ({why}); '{command}' files the rest"
 
 
 def run_entry(request: RunRequest, started: float) -> RunEntry:
