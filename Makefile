@@ -37,9 +37,10 @@ run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 
 # First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
 # In their order, the long files of tests/system come first and none is left over for one process.
+# Files that tests read are UTF-8, whatever the locale.
 define run_tests
-	STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
-	$(1)/bin/python -m pytest -m real_time
+	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	PYTHONUTF8=1 $(1)/bin/python -m pytest -m real_time
 endef
 
 test: $(DEV) lint types layers ## lint, types, layers, all tests
