@@ -17,13 +17,10 @@ ProgressUpdate = Callable[[str, int, int], None]
 
 
 def make_console(*, stderr: bool = False) -> Console:
-    """A console that prints every text as it is: names from files are no markup.
+    """A console that prints every text as it is."""
+    from stagectl.cli.plain_console import PlainConsole
 
-    What is to have a style is a `rich.text.Text`.
-    """
-    from rich.console import Console
-
-    return Console(stderr=stderr, markup=False, emoji=False)
+    return PlainConsole(stderr=stderr)
 
 
 def console_for(json_out: Path | None) -> Console:

@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
+from stagectl.cli.plain_console import PlainConsole
 from stagectl.cli.progress import RunProgress, clock_time
 from stagectl.config import load_machine
 from stagectl.recipe import Recipe, load_recipe
@@ -30,7 +30,7 @@ class Terminal:
         self._screen, slave = pty.openpty()
         self._seen = ""
         self.file = os.fdopen(slave, "w")
-        self.console = Console(file=self.file, force_terminal=True, width=160)
+        self.console = PlainConsole(file=self.file, force_terminal=True, width=160)
 
     def wait_for(self, pattern: str) -> str:
         """Read until the pattern has been drawn."""
@@ -138,7 +138,7 @@ def test_a_stopped_terminal_does_not_hold_up_the_caller(terminal: Terminal, reci
 def test_a_full_pipe_does_not_hold_up_the_caller(recipe: Recipe) -> None:
     read, write = os.pipe()
     log = os.fdopen(write, "w")
-    with RunProgress(Console(file=log, width=80), recipe, ("x", "y")) as progress:
+    with RunProgress(PlainConsole(file=log, width=80), recipe, ("x", "y")) as progress:
         for _ in range(3000):
             progress.event(Settled(1, "macro", 0.15, False))
     os.close(read)  # the thread, which is still writing, finds a broken pipe
@@ -148,7 +148,7 @@ def test_a_full_pipe_does_not_hold_up_the_caller(recipe: Recipe) -> None:
 
 def test_warnings_go_to_a_log_in_order(recipe: Recipe, tmp_path: Path) -> None:
     with (tmp_path / "log").open("w") as log:
-        with RunProgress(Console(file=log, width=80), recipe, ("x", "y")) as progress:
+        with RunProgress(PlainConsole(file=log, width=80), recipe, ("x", "y")) as progress:
             for site in range(1, 4):
                 progress.event(Settled(site, "macro", 0.15, False))
     assert (tmp_path / "log").read_text().splitlines() == [
