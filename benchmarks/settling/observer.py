@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.shared.inspection_runs import FIRST_SITE, RECIPE
+from benchmarks.shared.inspection_runs import FIRST_SITE, RECIPE, measured
 from benchmarks.shared.machine_facts import machine_facts
 from benchmarks.shared.other_stages import drawn, of_law, with_gains
 from hil_sim.effects import Effect as Known
@@ -229,6 +229,7 @@ def moves(
                 if fault is None
                 else parse_faults(f"faults: [{fault}]", "fault", host, seed),
                 observer=observer,
+                measurement=measured(host, truth) if observer else None,
             )
             result = execute(request, Listener())
         if result.error is not None:

@@ -32,6 +32,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.shared.inspection_runs import measured
 from benchmarks.shared.machine_facts import machine_facts
 from benchmarks.shared.other_stages import drawn, with_gains
 from estimation.move import MoveData
@@ -245,6 +246,7 @@ def settling_of(name: str, peer: Peer, seeds: int) -> dict[tuple[str, float], li
                 folder=Path(folder),
                 started=datetime.now(UTC),
                 observer=peer.observer,
+                measurement=measured(host, truth) if peer.observer else None,
             )
             result = execute(request, Listener())
         if result.error is not None:

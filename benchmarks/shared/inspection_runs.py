@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.machine import Machine
+from stagectl.errors import RunFault
+from stagectl.measurement import Measurement, measure_virtual_stage
 from stagectl.recipe import Recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode
@@ -28,6 +30,7 @@ class Case:
         friction_scale: of the figures that the host starts from.
         first_site: moves to earlier sites are left out.
         observer: corrects the force offsets at every SYNC.
+        measured: stage on which its measurement was made; None: the true one.
     """
 
     label: str
@@ -35,6 +38,15 @@ class Case:
     friction_scale: float = 1.0
     first_site: int = 1
     observer: bool = False
+    measured: Machine | None = None
+
+
+def measured(machine: Machine, stage: Machine) -> Measurement | None:
+    """The measurement of a virtual stage; None where it cannot be measured."""
+    try:
+        return measure_virtual_stage(machine, stage)
+    except RunFault:
+        return None
 
 
 def run(
@@ -60,6 +72,9 @@ def run_whole(
             folder=Path(folder),
             started=datetime.now(UTC),
             observer=case.observer,
+            measurement=measured(machine, case.measured or truth or machine)
+            if case.observer
+            else None,
         )
         result = execute(request, Listener())
     if result.error is not None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 from estimation.observer.loop import Carriage, DriveLoop, period_maps
+from estimation.observer.measured import GAIN_MARGIN, Margins, MeasuredLoop
 from estimation.observer.model import ObserverModel, make_model
 from estimation.observer.sensitivity import (
     GAINS,
@@ -20,7 +21,7 @@ from estimation.observer.sensitivity import (
     with_observer,
 )
 
-ASSUMED = (0.75, 1.0, 0.5, 1.25)
+ASSUMED = (0.75, 1.0, 0.5, 1.25, 0.25, 0.1)
 """Shares of sigma0 that the model may assume. The more, the more force a deviation calls for, and
 the smaller the gain has to be for an axis that slips: `design_observer` weighs the two."""
 WALK = 1.6
@@ -43,6 +44,7 @@ class AxisFigures:
         period: Ts [s].
         limit: of the correction, either way [N].
         mass_doubt: relative, either way.
+        measured: response of the axis; None where the figures are believed.
     """
 
     drive: DriveLoop
@@ -52,6 +54,7 @@ class AxisFigures:
     period: float
     limit: float
     mass_doubt: float = 0.0
+    measured: MeasuredLoop | None = None
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,19 @@ class Design:
         )
 
     @cached_property
+    def margins(self) -> Margins | None:
+        """The least by the measured response, over `LATENCIES`; None where there is none."""
+        measured = self.figures.measured
+        if measured is None:
+            return None
+        found = [
+            margins
+            for latency in LATENCIES
+            for margins in measured.margins(self.model, self.gain, latency)
+        ]
+        return Margins(min(m.gain for m in found), max(m.peak for m in found))
+
+    @cached_property
     def worst_peak(self) -> float:
         """Highest peak sensitivity over figures that are off, and latencies."""
         period = self.figures.period
@@ -140,7 +156,8 @@ def design_observer(figures: AxisFigures) -> Design:
 
     Gain and assumed stiffness are chosen together. The peak is at most `PEAK`, or `PEAK_OVER_DRIVE`
     times that of the drive alone, with figures that are off and for all `LATENCIES`. Where the
-    drive alone would be unstable, nothing is asked.
+    drive alone would be unstable, nothing is asked. By a measured response, the loop keeps these
+    peaks too, and a gain margin of `GAIN_MARGIN`.
     """
     demands = []
     for carriage in carriages(figures):
@@ -154,7 +171,7 @@ def design_observer(figures: AxisFigures) -> Design:
             for maps, most in demands
             if most < float("inf")
             for latency in LATENCIES
-        )
+        ) and (figures.measured is None or _keeps_margins(figures.measured, model, gain))
 
     best: Design | None = None
     for share in ASSUMED if figures.carriage.stiffness else (0.0,):
@@ -168,6 +185,15 @@ def design_observer(figures: AxisFigures) -> Design:
     if best is None:
         raise ValueError("no stiffness to assume")
     return best
+
+
+def _keeps_margins(measured: MeasuredLoop, model: ObserverModel, gain: float) -> bool:
+    bounds = [max(PEAK, PEAK_OVER_DRIVE * peak) for peak in measured.drive_peaks]
+    return all(
+        margins.gain >= GAIN_MARGIN and margins.peak <= most
+        for latency in LATENCIES
+        for margins, most in zip(measured.margins(model, gain, latency), bounds, strict=True)
+    )
 
 
 def _count_kept(keeps: Callable[[float], bool], least: int) -> int:

@@ -23,6 +23,8 @@ from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 
 if TYPE_CHECKING:
+    from stagectl.config import Machine
+    from stagectl.measurement import Measurement
     from stagectl.run import RunRequest
 
 DEFAULT_BUDGET = 5.0
@@ -53,6 +55,12 @@ DEFAULT_BUDGET = 5.0
     show_default=True,
     help="Correct the force offset at every SYNC from the measured position, on every "
     "axis that can have an observer (stagectl observer).",
+)
+@click.option(
+    "--measurement",
+    type=FILE,
+    help="Design the observers by this measurement of the stage.  [default: the one beside the "
+    "machine file; with --simulate, the virtual stage is measured]",
 )
 @click.option(
     "--faults",
@@ -118,6 +126,7 @@ def command(
     compensation: str,
     friction_scale: float,
     observer: bool,
+    measurement: Path | None,
     seed: int,
     faults: Path | None,
     out: Path | None,
@@ -174,6 +183,9 @@ def command(
     from stagectl.run import RunRequest
     from stagectl.sequencer.compensation.mode import Mode
 
+    given = None
+    if observer and not dry_run:
+        given = _measurement(measurement, machine, believed, truth, resume)
     request = RunRequest(
         recipe=loaded,
         machine=believed,
@@ -192,6 +204,7 @@ def command(
         operator=operator or (resumed.operator if resumed else None),
         comment=comment or (resumed.comment if resumed else None),
         observer=observer,
+        measurement=given,
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)
@@ -199,6 +212,37 @@ def command(
         _dry_run(request, json_out)
     else:
         _run(request, json_out)
+
+
+def _measurement(
+    given: Path | None,
+    machine: Path | None,
+    believed: Machine,
+    truth: Machine | None,
+    resume: Path | None,
+) -> Measurement | None:
+    """The measurement of the stage by which the observers are designed; None without one."""
+    from stagectl.errors import RunFault
+    from stagectl.measurement import load_measurement, measure_virtual_stage, response_path
+    from stagectl.run import recorded_measurement
+    from stagectl.run.compilation import compiled_by_two
+
+    def announce(text: str) -> None:
+        click.echo(text, err=True)
+
+    if given is not None:
+        return load_measurement(given)
+    if truth is not None:
+        try:
+            with compiled_by_two(believed, truth, lambda _: None):
+                return measure_virtual_stage(believed, truth, announce)
+        except RunFault as fault:
+            announce(f"the virtual stage could not be measured, so it has no observer: {fault}")
+            return None
+    beside = response_path(believed, machine)
+    if beside.exists():
+        return load_measurement(beside)
+    return None if resume is None else recorded_measurement(resume)
 
 
 def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:

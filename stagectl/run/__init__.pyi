@@ -3,7 +3,7 @@ from .execution import execute
 from .listener import Listener
 from .recorded.documents import document_paths, is_calibration, rewrite_documents
 from .recorded.listing import ListedRun, list_runs
-from .recorded.resume import load_interrupted
+from .recorded.resume import load_interrupted, recorded_measurement
 from .request import Resumed, RunRequest, RunResult
 from .run_history import RunHistory, software_version
 
@@ -22,6 +22,7 @@ __all__ = [
     "is_calibration",
     "list_runs",
     "load_interrupted",
+    "recorded_measurement",
     "rewrite_documents",
     "software_version",
     "start_time",

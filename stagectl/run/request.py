@@ -15,6 +15,7 @@ from stagectl.sequencer.compensation.mode import Figures, Mode
 
 if TYPE_CHECKING:
     from hil_sim.bus import FaultPlan
+    from stagectl.measurement import Measurement
     from stagectl.sequencer import SiteVerdict
     from stagedata import Recording
 
@@ -89,6 +90,8 @@ class RunRequest:
         use_map: use the history's active friction map, where there is one.
         operator, comment: one line each, or None.
         observer: correct force offsets by the settling observer, where an axis can have one.
+        measurement: of the stage's responses, by which the observers are designed; None where it
+            has not been measured: axes then have none, unless the machine file says so.
     """
 
     recipe: Recipe
@@ -108,6 +111,7 @@ class RunRequest:
     operator: str | None = None
     comment: str | None = None
     observer: bool = True
+    measurement: Measurement | None = None
 
     def as_note(self) -> dict[str, Any]:
         """What the recording keeps of it, to resume, replay or summarise the run."""
@@ -116,6 +120,7 @@ class RunRequest:
             "compensation": self.mode.value,
             "friction_scale": self.friction_scale,
             "observer": self.observer,
+            "measurement": None if self.measurement is None else self.measurement.as_text(),
             "seed": self.seed,
             "simulated": self.truth is not None,
             "truth": None

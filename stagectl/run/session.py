@@ -60,7 +60,12 @@ class Session:
         self._places = self._places_of(active)
         self._observers: Observers | None = None
         if request.observer:
-            self._observers = Observers(request.machine, ready.compensation)
+            self._observers = Observers(
+                request.machine,
+                ready.compensation,
+                request.measurement,
+                simulated=request.truth is not None or substitutes is not None,
+            )
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
@@ -120,6 +125,7 @@ class Session:
                 self._heed_early_stop()
                 if self._observers is not None:
                     self._observers.attach(stage, record)
+                    record.note_limitations(self._observers.without())
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(
                     self._request.machine, stage, self._ready.thermometer

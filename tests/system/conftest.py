@@ -13,6 +13,7 @@ import pytest
 from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode
@@ -68,6 +69,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         observer: bool = True,
         host: Machine | None = None,
         faults: FaultPlan | None = None,
+        measured: Machine | None = None,
     ) -> RunResult:
         """Run a recipe: many arguments, for each of them is what some test is about."""
         host = host or machine
@@ -83,6 +85,9 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
             datetime.now(UTC),
             faults=faults,
             observer=observer,
+            measurement=measure_virtual_stage(host, measured or truth or host)
+            if observer
+            else None,
         )
         return execute(request, listener or Listener())
 

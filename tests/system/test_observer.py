@@ -16,6 +16,7 @@ from benchmarks.shared.other_stages import of_law
 from stagectl.cli import cli
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect
+from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay import replay
@@ -187,7 +188,18 @@ def test_a_machine_file_that_wants_none(run, machine):
     recipe = parse_recipe(short_recipe((0.004, -0.003)), "short.yaml", off)
     with TemporaryDirectory() as folder:
         result = execute(
-            RunRequest(recipe, off, off, None, Mode.MODEL, 0.5, 1, Path(folder), datetime.now(UTC)),
+            RunRequest(
+                recipe,
+                off,
+                off,
+                None,
+                Mode.MODEL,
+                0.5,
+                1,
+                Path(folder),
+                datetime.now(UTC),
+                measurement=measure_virtual_stage(off, off),
+            ),
             Listener(),
         )
         page = (Path(folder) / "report.html").read_text()

@@ -139,7 +139,8 @@ class Axis(Section):
         node: CANopen node id.  travel: lowest and highest position [m].
         eds: the drive's EDS file, relative to the machine file; None: the virtual drive's.
         effects: further physical effects on this axis, in simulations.
-        observer: whether the host's settling observer may correct its force offsets.
+        observer: of the host, which corrects its force offsets: auto, once the axis has been
+            measured; trust, by this file unmeasured; none.
         rotary: whether it turns: rad for m, N m for N and kg m^2 for kg.
     """
 
@@ -152,7 +153,7 @@ class Axis(Section):
     eds: Name | None = None
     homing: Homing = Homing()
     effects: tuple[GivenEffect, ...] = ()
-    observer: Literal["auto", "none"] = "auto"
+    observer: Literal["auto", "trust", "none"] = "auto"
     rotary: StrictBool = False
 
 

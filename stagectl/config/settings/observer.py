@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -11,28 +12,38 @@ from estimation.observer import (
     BusUnits,
     Carriage,
     Design,
+    DriveLoop,
+    MeasuredLoop,
     Mode,
     StageObserver,
     design_observer,
 )
-from stagectl.config.machine import Axis, Effect, Machine
+from estimation.response import AxisResponse, Clocking, Figures, Fitted, Resonance, fit
+from stagectl.config.machine import Axis, Drive, Effect, Machine
 from stagectl.config.settings.host_model import drive_loop
 from stagectl.config.settings.package_settings import stage_settings
 from stagedata import FrictionFigures
 
 LIMIT = 0.5
 """Largest correction, over the rated force."""
+COARSER = 2.0
+"""Steps of force offsets are noticed from so many of the units in which they are sent."""
+COARSE = 0.02
+"""Steps above this share of the Coulomb force are no use: sticking friction holds more than it."""
 DOUBT = 3.0
 """Multiples of the machine file's tolerance by which the mass may be off."""
 
 
-def observer_figures(axis: Axis, friction: FrictionFigures, period: float) -> AxisFigures | str:
+def observer_figures(
+    axis: Axis, friction: FrictionFigures, period: float, response: AxisResponse | None = None
+) -> AxisFigures | str:
     """What the observer of an axis has to know, or why there is none.
 
     Args:
         axis: of the host's machine file.
         friction: as the host believes it to be.
         period: Ts [s].
+        response: of the axis, as measured; None to believe the machine file.
     """
     if axis.observer == "none":
         return "switched off in the machine file"
@@ -49,7 +60,84 @@ def observer_figures(axis: Axis, friction: FrictionFigures, period: float) -> Ax
         LIMIT * drive.rated_force,
         min(DOUBT * axis.plant.tolerance, 0.5),
     )
+    if response is not None:
+        return _as_measured(figures, fit_response(axis, friction, period, response), response, axis)
     return _with_effects(figures, axis.effects)
+
+
+def clocking(drive: Drive, period: float) -> Clocking:
+    """The fixed figures of a drive with a PID position loop."""
+    if drive.pid is None:
+        raise ValueError("the drive's loops are a cascade")
+    return Clocking(
+        period, drive.control_period, drive.pid.derivative_time, drive.current_bandwidth
+    )
+
+
+def believed_figures(axis: Axis, friction: FrictionFigures) -> Figures:
+    """The figures of an axis by its machine file, as a fit of its response has them."""
+    if axis.drive.pid is None:
+        raise ValueError("the drive's loops are a cascade")
+    own = _with_effects(
+        AxisFigures(
+            DriveLoop(**axis.drive.pid.model_dump(), current_bandwidth=1.0, control_period=1.0),
+            Carriage(axis.plant.mass, friction.stiffness, friction.viscous), 0.0, 0.0, 1.0, 0.0,
+        ),
+        axis.effects,
+    )  # fmt: skip
+    ratio = own.drive.force_ratio
+    carriage = own.carriage
+    return Figures(
+        mass=carriage.mass / ratio,
+        kp=own.drive.kp,
+        ki=own.drive.ki,
+        kd=own.drive.kd,
+        dead_time=own.drive.delay,
+        viscous=carriage.viscous / ratio,
+        stiffness=carriage.stiffness / ratio,
+        resonances=tuple(
+            Resonance(mode.frequency, mode.damping, mode.mass_ratio / (1.0 - mode.mass_ratio))
+            for mode in carriage.hung
+        ),
+    )
+
+
+def fit_response(
+    axis: Axis, friction: FrictionFigures, period: float, response: AxisResponse
+) -> Fitted:
+    """The figures that a measured response shows."""
+    return fit(response, clocking(axis.drive, period), believed_figures(axis, friction))
+
+
+def offset_step(axis: Axis, response: AxisResponse) -> float | None:
+    """Steps in which force offsets act [N]; None where they are no coarser than they are sent.
+
+    Rounding to steps adds a force of step / sqrt(12) rms, which shows on lines that nobody shakes.
+    """
+    step = math.sqrt(12.0) * max(state.distortion for state in response)
+    return step if step > COARSER * axis.drive.force_unit else None
+
+
+def _as_measured(
+    figures: AxisFigures, fitted: Fitted, response: AxisResponse, axis: Axis
+) -> AxisFigures | str:
+    """The figures of a measured axis, in units of its force offsets."""
+    shown = fitted.figures
+    if shown.sign < 0.0:
+        return "force offsets act with the wrong sign"
+    step = offset_step(axis, response)
+    if step is not None and step > COARSE * figures.coulomb:
+        return f"force offsets act in steps of about {step:.2g} N, too coarse to correct friction"
+    clocked = clocking(axis.drive, figures.period)
+    return replace(
+        figures,
+        drive=replace(
+            figures.drive, kp=shown.kp, ki=shown.ki, kd=shown.kd, delay=max(shown.dead_time, 0.0)
+        ),
+        carriage=Carriage(shown.mass, max(shown.stiffness, 0.0), max(shown.viscous, 0.0)),
+        mass_doubt=min(DOUBT * fitted.sigma["mass"], 0.5),
+        measured=MeasuredLoop(response, clocked),
+    )
 
 
 def _with_effects(figures: AxisFigures, effects: Iterable[Effect]) -> AxisFigures:
@@ -85,13 +173,17 @@ def _mode(p: Mapping[str, float]) -> Mode:
 
 
 def design_observers(
-    machine: Machine, friction: Mapping[str, FrictionFigures] | None = None
+    machine: Machine,
+    friction: Mapping[str, FrictionFigures] | None = None,
+    responses: Mapping[str, AxisResponse | str] | None = None,
 ) -> dict[str, Design | str]:
     """The observer of every axis, or why it has none.
 
     Args:
         machine: the host's.
         friction: axis -> figures to start from; None: those of the machine file.
+        responses: axis -> measured response, or why there is none; None: the machine file is
+            believed.
 
     Raises:
         ConfigError: the machine file has unknown effects, or impossible ones.
@@ -102,13 +194,23 @@ def design_observers(
     found: dict[str, Design | str] = {}
     for name, axis in machine.axes.items():
         own = axis.plant.friction.figures if friction is None else friction[name]
-        figures = observer_figures(axis, own, period)
+        response = None if responses is None or axis.observer == "trust" else responses[name]
+        if isinstance(response, str):
+            found[name] = _first_reason(axis, own, period, response)
+            continue
+        figures = observer_figures(axis, own, period, response)
         if isinstance(figures, str):
             found[name] = figures
             continue
         designed = design_observer(figures)
         found[name] = designed if designed.gain else "no gain keeps the sensitivity's peak"
     return found
+
+
+def _first_reason(axis: Axis, friction: FrictionFigures, period: float, unmeasured: str) -> str:
+    """Why an axis without a measurement has no observer: it may not be able to have one at all."""
+    figures = observer_figures(axis, friction, period)
+    return figures if isinstance(figures, str) else unmeasured
 
 
 def compile_observer(machine: Machine) -> None:

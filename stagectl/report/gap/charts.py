@@ -222,7 +222,9 @@ def _label(value: float, logarithmic: bool) -> str:
         power = math.floor(value + 1e-9)
         if -3 <= power <= 3:
             return f"{10**value:.3g}"
-        return "10" + str(power).translate(_SUPERSCRIPT)
+        digit = round(10 ** (value - power))
+        whole = "10" + str(power).translate(_SUPERSCRIPT)
+        return whole if digit == 1 else f"{digit}·{whole}"
     return f"{value:.4g}" if abs(value) > 1e-12 else "0"
 
 

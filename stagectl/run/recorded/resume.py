@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.errors import UnusableInput
+from stagectl.measurement import Measurement, parse_measurement
 from stagectl.recipe import Recipe
 from stagectl.run.recorded.documents import read_run, rewrite_documents
 from stagectl.run.recorded.summarise import site_verdicts, summarise
@@ -58,6 +59,21 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
     return _with_verdicts(resumed, path, recipe)
+
+
+def recorded_measurement(folder: Path) -> Measurement | None:
+    """The measurement of the stage that a recorded run had; None where it had none.
+
+    Args:
+        folder: of the run, as `load_interrupted` left it.
+
+    Raises:
+        UnusableInput: the recording cannot be read, or its measurement is damaged.
+    """
+    path = folder / RECORDING_NAME
+    run = next((e for e in read_notes(path).events if e.get("event") == "run"), {})
+    text = run.get("measurement")
+    return None if text is None else parse_measurement(str(text), f"{path}: measurement")
 
 
 def _with_verdicts(resumed: Resumed, path: Path, recipe: Recipe) -> Resumed:

@@ -16,6 +16,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.maps import restore_snapshot
+from stagectl.measurement import Measurement, parse_measurement
 from stagectl.recipe import Pair, parse_recipe
 from stagectl.run.checks import Substitutes
 from stagectl.run.execution import execute
@@ -128,6 +129,11 @@ def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:
             f"{path}: {what}: a calibration's moves are not in the recipe; runs with "
             "--simulate and without any can be replayed"
         )
+    if run.get("observer") and "measurement" not in run:
+        raise UnusableInput(
+            f"{path}: was run with an observer by an older version, which did not measure the "
+            "stage; this version cannot repeat it"
+        )
     if run.get("map") is not None and run.get("map_then") is None:
         raise UnusableInput(
             f"{path}: used friction map {run['map']} as it stood then, which recordings of that "
@@ -151,8 +157,14 @@ def _request(
         started=datetime.now(UTC),
         retries=int(run["retries"]),
         observer=bool(run.get("observer", False)),
+        measurement=_measurement(run),
         resumed=None if resumed is None else Resumed.from_note(resumed),
     )
+
+
+def _measurement(run: Mapping[str, Any]) -> Measurement | None:
+    text = run["measurement"] if run.get("observer") else None
+    return None if text is None else parse_measurement(text, "measurement of the recording")
 
 
 def _marks(notes: RunNotes) -> dict[int, Pair]:

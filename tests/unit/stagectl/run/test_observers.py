@@ -5,8 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from stagectl.measurement import measure_virtual_stage
 from stagectl.run.observers import Observers
 from stagectl.sequencer import Mode, make_compensation
+
+
+@pytest.fixture(scope="session")
+def measured(machine):
+    return measure_virtual_stage(machine, machine)
 
 
 @pytest.fixture
@@ -38,40 +44,42 @@ class Noted:
         self.designs, self.is_on = designs, is_on
 
 
-def test_every_axis_has_one_where_its_drive_takes_force_offsets(machine, compensation):
+def test_every_axis_has_one_where_its_drive_takes_force_offsets(machine, compensation, measured):
     stage, record = Enabled(machine), Noted()
-    Observers(machine, compensation).attach(stage, record)
+    Observers(machine, compensation, measured, simulated=True).attach(stage, record)
     assert list(record.designs) == ["x", "y"]
     assert record.is_on == (True, True)
     assert [axis.observed for axis in compensation] == [True, True]
     assert stage.correction is not None
 
 
-def test_an_axis_whose_drive_takes_no_force_offset_goes_without(machine, compensation):
+def test_an_axis_whose_drive_takes_no_force_offset_goes_without(machine, compensation, measured):
     stage, record = Enabled(machine, accepts=(True, False)), Noted()
-    Observers(machine, compensation).attach(stage, record)
+    Observers(machine, compensation, measured, simulated=True).attach(stage, record)
     assert record.is_on == (True, False)
     assert [axis.observed for axis in compensation] == [True, False]
 
 
-def test_nothing_is_corrected_where_no_axis_has_one(machine, compensation):
+def test_nothing_is_corrected_where_no_axis_has_one(machine, compensation, measured):
     stage = Enabled(machine, accepts=(False, False))
-    observers = Observers(machine, compensation)
+    observers = Observers(machine, compensation, measured, simulated=True)
     observers.attach(stage, Noted())
     assert stage.correction is None
     observers.restart()
     assert observers.failures() == []
 
 
-def test_before_the_stage_is_enabled_there_is_nothing_to_forget(machine, compensation):
-    observers = Observers(machine, compensation)
+def test_before_the_stage_is_enabled_there_is_nothing_to_forget(machine, compensation, measured):
+    observers = Observers(machine, compensation, measured, simulated=True)
     observers.restart()
     assert observers.failures() == []
 
 
-def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(machine, compensation):
+def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(
+    machine, compensation, measured
+):
     stage = Enabled(machine)
-    observers = Observers(machine, compensation)
+    observers = Observers(machine, compensation, measured, simulated=True)
     observers.attach(stage, Noted())
     planned = np.zeros((40, 2))
     planned[:, 1] = np.nan

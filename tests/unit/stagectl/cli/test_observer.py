@@ -1,0 +1,112 @@
+"""`stagectl observer`: measuring, designing, and what a run makes of a measurement."""
+
+import json
+from importlib import resources
+
+import pytest
+from click.testing import CliRunner
+
+from hil_sim.bus import World
+from hil_sim.stage import VirtualStage
+from stagectl.cli import cli
+from stagectl.config import stage_settings
+from stagectl.errors import Aborted
+from tests.unit.stagectl.run.whole import SITES
+
+
+def call(*arguments, **options):
+    return CliRunner().invoke(cli, [str(a) for a in arguments], **options)
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A folder with a machine file and a recipe."""
+    packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
+    (tmp_path / "m.yaml").write_text(packaged.read_text())
+    (tmp_path / "r.yaml").write_text(SITES)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_virtual_stage_is_measured(files):
+    done = call(
+        "observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json",
+        "--html", "v.html", "--json", "-",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    x = json.loads(done.stdout)["axes"]["x"]
+    assert x["contradictions"] == []
+    assert x["on"]
+    assert x["measured"]["gain"] > 2.0
+    assert "Axis x" in (files / "v.html").read_text()
+    assert not (files / "m.response.json").exists()
+    again = call("observer", "--machine", "m.yaml", "--measurement", "v.json", "--json", "-")
+    assert json.loads(again.stdout)["axes"] == json.loads(done.stdout)["axes"]
+
+
+@pytest.fixture
+def bus(machine):
+    """Drives on a bus in virtual time, as `--bus` names it."""
+    world = World("observer-command")
+    VirtualStage(stage_settings(machine), 1).attach(world)
+    yield f"lockstep:{world.name}"
+    del world
+
+
+def test_a_stage_on_a_bus_is_measured_after_a_question(files, bus):
+    refused = call("observer", "--measure", "--machine", "m.yaml", "--bus", bus, input="n\n")
+    assert isinstance(refused.exception, Aborted)
+    assert "x: from -0.003 to 31.7" in refused.output
+    assert not (files / "m.response.json").exists()
+    done = call("observer", "--measure", "--machine", "m.yaml", "--bus", bus, input="y\n")
+    assert done.exit_code == 0, done.output
+    kept = json.loads((files / "m.response.json").read_text())
+    assert kept["axes"]["x"]["drive"]["vendor"] is not None
+    shown = call("observer", "--machine", "m.yaml")
+    assert "as measured on 20" in shown.output
+
+
+def test_without_a_measurement_the_file_is_designed_from_and_that_is_said(files):
+    shown = call("observer", "--machine", "m.yaml")
+    assert shown.exit_code == 0
+    assert "not measured" in " ".join(shown.output.split())
+
+
+@pytest.mark.parametrize(
+    "options", [("--yes",), ("--out", "a.json"), ("--measure", "--measurement", "a.json")]
+)
+def test_options_that_do_not_go_together(files, options):
+    assert call("observer", "--machine", "m.yaml", *options).exit_code == 2
+
+
+def observers(folder):
+    return json.loads((folder / "summary.json").read_text())["observer"]
+
+
+def test_a_run_measures_the_virtual_stage_or_takes_what_is_given(files):
+    done = call("run", "r.yaml", "--machine", "m.yaml", "--simulate", "--out", "a")
+    assert done.exit_code == 0, done.output
+    assert all(axis["on"] for axis in observers(files / "a").values())
+    assert call("replay", "a").exit_code == 0
+    call("observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json")
+    given = call(
+        "run", "r.yaml", "--machine", "m.yaml", "--simulate", "--measurement", "v.json",
+        "--out", "b",
+    )  # fmt: skip
+    assert given.exit_code == 0, given.output
+    assert observers(files / "b") == observers(files / "a")
+
+
+def test_a_run_on_a_bus_has_no_observer_unless_measured(files, bus):
+    done = call("run", "r.yaml", "--machine", "m.yaml", "--bus", bus, "--out", "a")
+    assert done.exit_code == 0, done.output
+    said = " ".join(done.output.split())
+    assert "axes x, y: no observer: not measured; measure with: stagectl observer" in said
+    assert not any(axis["on"] for axis in observers(files / "a").values())
+    (files / "m.yaml").write_text(
+        (files / "m.yaml").read_text().replace("node: 1\n", "node: 1\n    observer: trust\n")
+    )
+    trusted = call("run", "r.yaml", "--machine", "m.yaml", "--bus", bus, "--out", "b")
+    assert trusted.exit_code == 0, trusted.output
+    assert observers(files / "b")["x"]["on"]
+    assert not observers(files / "b")["y"]["on"]

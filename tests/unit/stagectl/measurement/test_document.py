@@ -1,0 +1,112 @@
+"""The file of a measurement, and when it says nothing of a stage."""
+
+import json
+
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.measurement import Identity, load_measurement, parse_measurement, response_path
+
+
+def entry():
+    one = {"at": [2.0, 4.0], "real": [1e-6, 1e-6], "imaginary": [0.0, 1e-7], "sigma": [0.0, 0.0]}
+    state = {"offset": one, "demand": one, "distortion": 0.0}
+    drive = {"vendor": 1, "product": 2, "revision": 3, "serial": None}
+    settings = {
+        "bus.sync_period": 1e-3, "drive.pid.kp": 341000.0, "drive.pid.ki": 16070000.0,
+        "drive.pid.kd": 2714.0, "drive.pid.derivative_time": 8.842e-4,
+        "drive.rated_force": 40.0, "drive.position_unit": 1e-9,
+    }  # fmt: skip
+    return {"drive": drive, "settings": settings, "rest": state, "sliding": state}
+
+
+def text(change=lambda _: None):
+    whole = {
+        "format": "stagectl-response", "version": 1, "measured": "2026-01-01T00:00:00+00:00",
+        "machine": "m", "axes": {"x": entry()},
+    }  # fmt: skip
+    whole = json.loads(json.dumps(whole))  # nothing in it is shared
+    change(whole)
+    return json.dumps(whole)
+
+
+def test_a_file_is_read():
+    found = parse_measurement(text(), "m.json")
+    assert found.axes["x"].identity == Identity(1, 2, 3, None)
+    assert found.axes["x"].response.rest.offset[1] == 1e-6 + 1e-7j
+    assert parse_measurement(found.as_text(), "m").as_text() == found.as_text()
+
+
+def at(*path):
+    def find(whole):
+        for key in path[:-1]:
+            whole = whole[key]
+        return whole
+
+    return find
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "reason"),
+    [
+        (("version",), 2, "version"),
+        (("axes",), {}, "axes"),
+        (("axes", "x", "rest", "offset", "real"), [1e-6], "rest.offset: at, real, imaginary and"),
+        (
+            ("axes", "x", "sliding", "demand", "at"),
+            [4.0, 2.0],
+            "sliding.demand: frequencies do",
+        ),
+        (("axes", "x", "sliding", "offset", "at"), [2.0, 5.0], "the frequencies at rest and while"),
+        (("axes", "x", "rest", "offset", "real"), [0.0, 1.0], "rest.offset: a response of 0"),
+        (("axes", "x", "rest", "distortion"), -1.0, "axes.x.rest.distortion"),
+        (("axes", "x", "rest", "offset", "real"), [float("nan"), 1.0], "axes.x.rest.offset.real"),
+        (("axes", "x", "drive", "colour"), "red", "axes.x.drive.colour"),
+    ],
+)
+def test_a_bad_file_is_one_line_with_file_key_and_reason(path, value, reason):
+    def change(whole):
+        at(*path)(whole)[path[-1]] = value
+
+    with pytest.raises(UnusableInput) as refused:
+        parse_measurement(text(change), "m.json")
+    message = str(refused.value)
+    assert message.startswith("m.json: ")
+    assert reason in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"format": "other"}'])
+def test_what_is_no_measurement(tmp_path, content):
+    path = tmp_path / "a.json"
+    path.write_bytes(content)
+    with pytest.raises(UnusableInput, match=str(path)):
+        load_measurement(path)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(UnusableInput, match="No such file"):
+        load_measurement(tmp_path / "none.json")
+
+
+def test_it_is_void_after_a_change(machine):
+    found = parse_measurement(text(), "m.json")
+    x = machine.axes["x"]
+    assert found.objection("x", x, 1e-3) is None
+    assert "bus.sync_period is 0.002" in found.objection("x", x, 2e-3)
+    pid = x.drive.pid.model_copy(update={"kp": 300e3})
+    other = x.model_copy(update={"drive": x.drive.model_copy(update={"pid": pid})})
+    said = found.objection("x", other, 1e-3)
+    assert said == "drive.pid.kp is 300000; it was measured with 341000"
+    assert found.objection("x", other, 1e-3, simulated=True) is None
+    assert found.objection("y", x, 1e-3) == "not in m.json"
+
+
+def test_a_virtual_stage_says_nothing_of_a_real_one(machine):
+    found = parse_measurement(text(lambda whole: whole.update(measured=None)), "m.json")
+    assert "virtual stage" in found.objection("x", machine.axes["x"], 1e-3)
+
+
+def test_it_lies_beside_the_machine_file(machine, tmp_path):
+    assert response_path(machine, tmp_path / "a.yaml") == tmp_path / "a.response.json"
+    assert str(response_path(machine, None)) == "wafer-xy.response.json"

@@ -1,0 +1,181 @@
+"""The measurement of virtual stages, through CAN frames."""
+
+import numpy as np
+import pytest
+
+from drivers.stage import Stage
+from hil_sim.bus import LockstepBus, World
+from hil_sim.stage import VirtualStage
+from stagectl.config import driver_settings, stage_settings
+from stagectl.config.machine import Effect, Quirks
+from stagectl.errors import Aborted, RunFault, UnusableInput
+from stagectl.measurement import (
+    find_contradictions,
+    measure_simulated,
+    measure_stage,
+    measure_virtual_stage,
+    parse_measurement,
+)
+from stagectl.measurement import simulated as module
+
+
+def with_axis(machine, **update):
+    """The machine with something of every axis changed."""
+    axes = {name: axis.model_copy(update=update) for name, axis in machine.axes.items()}
+    return machine.model_copy(update={"axes": axes})
+
+
+def with_drive(machine, **update):
+    return machine.model_copy(update={"axes": {
+        name: axis.model_copy(update={"drive": axis.drive.model_copy(update=update)})
+        for name, axis in machine.axes.items()
+    }})  # fmt: skip
+
+
+def said(machine, measured, name="x"):
+    axis = machine.axes[name]
+    response = measured.axes[name].response
+    return find_contradictions(axis, axis.plant.friction.figures, 1e-3, response)
+
+
+@pytest.fixture(scope="module")
+def as_modelled(machine):
+    return measure_simulated(machine, machine, 1)
+
+
+def test_a_stage_as_modelled_contradicts_nothing(machine, as_modelled):
+    for name, axis in machine.axes.items():
+        found = said(machine, as_modelled, name)
+        assert found.contradictions == ()
+        assert found.step is None
+        assert found.fitted.figures.mass == pytest.approx(axis.plant.mass, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "clause"),
+    [
+        (
+            lambda m: with_drive(m, quirks=Quirks(offset_delay=3, position_delay=1)),
+            ["force offsets act 3.00 ms (3 SYNC periods) late", "positions (0x6064) are 1.0"],
+        ),
+        (
+            lambda m: with_drive(m, quirks=Quirks(offset_sign=-1)),
+            ["force offsets (0x60B2) act with the wrong sign"],
+        ),
+        (
+            lambda m: with_drive(m, quirks=Quirks(offset_step=0.01)),
+            ["force offsets act in steps of about 0.4"],
+        ),
+        (
+            lambda m: with_axis(m, effects=(
+                Effect("resonance", {"frequency": 250.0, "damping": 0.01, "mass_ratio": 0.2}),
+            )),
+            ["a resonance at 250 Hz that the file does not have"],
+        ),
+        (
+            lambda m: with_axis(m, effects=(Effect("force_constant", {"ratio": 0.5}),)),
+            ["the force per acceleration is 2 times the file's"],
+        ),
+    ],
+    ids=["late", "sign", "steps", "resonance", "force constant"],
+)  # fmt: skip
+def test_what_differs_is_said_in_terms_of_the_file(machine, change, clause):
+    found = said(machine, measure_simulated(machine, change(machine), 1))
+    assert len(found.contradictions) == len(clause)
+    for has, begins in zip(found.contradictions, clause, strict=True):
+        assert has.startswith(begins)
+
+
+def test_it_is_kept_by_all_that_it_depends_on(machine, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    made = []
+    measure = module.measure_simulated
+    monkeypatch.setattr(
+        module, "measure_simulated", lambda *all_: made.append(all_) or measure(*all_)
+    )
+    cold = measure_virtual_stage(machine, machine)
+    warm = measure_virtual_stage(machine, machine)
+    assert len(made) == 1
+    assert cold.as_text() == warm.as_text()
+    heavier = with_axis(machine, rotary=False, effects=(Effect("payload_mass", {"mass": 2.0}),))
+    assert measure_virtual_stage(machine, heavier).as_text() != cold.as_text()
+    assert len(made) == 2
+
+
+def test_the_file_holds_all_of_it(as_modelled):
+    text = as_modelled.as_text()
+    assert parse_measurement(text, "again").as_text() == text
+
+
+@pytest.fixture
+def enabled(machine):
+    """An enabled stage whose drives can be odd; as many as are asked for."""
+    opened = []
+
+    def enable(truth, host=machine):
+        world = World(f"measured-{len(opened)}-{id(truth)}")
+        drives = VirtualStage(stage_settings(truth), 1)
+        drives.attach(world)
+        bus = LockstepBus(channel=world.name)
+        settings, axes = driver_settings(host)
+        stage = Stage.open(settings, axes, bus_object=bus)
+        opened.append((stage, bus, world, drives))
+        stage.boot()
+        stage.home()
+        stage.enable()
+        return stage
+
+    yield enable
+    for stage, bus, _, _ in opened:
+        stage.close()
+        bus.shutdown()
+
+
+def test_it_stays_within_what_it_states(machine, enabled):
+    stage, stated, samples = enabled(machine), [], []
+    stage.sink = samples.append
+    measure_stage(stage, machine, agreed=lambda lines: stated.extend(lines) or True)
+    assert len(stated) == 3
+    assert stated[0].startswith("x: from -0.003 to 31.7")
+    table = np.array(samples, dtype=np.int64)
+    x = table[:, 4:12]
+    target, offset, position, force = x[:, 0] * 1e-9, x[:, 1] * 0.04, x[:, 2] * 1e-9, x[:, 3] * 0.04
+    assert np.abs(offset).max() <= 1.8 + 0.02
+    assert np.abs(force).max() <= 60.0
+    assert np.abs(np.diff(position)).max() / 1e-3 <= 15e-3
+    assert target.min() >= -3e-6
+    assert target.max() <= 31.8e-3
+    assert stage.targets == pytest.approx((0.0, 0.0), abs=3e-6)
+
+
+def test_a_limit_ends_it(machine, enabled):
+    """A stage with ten times the friction needs more force than is allowed."""
+    x = machine.axes["x"]
+    figures = x.plant.friction.model_copy(update={"coulomb": 80.0})
+    stuck = x.model_copy(update={"plant": x.plant.model_copy(update={"friction": figures})})
+    truth = machine.model_copy(update={"axes": {**machine.axes, "x": stuck}})
+    with pytest.raises(RunFault, match=r"axis x: (motor force|following error) above"):
+        measure_stage(enabled(truth), machine)
+
+
+def test_nothing_moves_before_it_is_agreed_to(machine, enabled):
+    stage = enabled(machine)
+    samples = []
+    stage.sink = samples.append
+    with pytest.raises(Aborted, match="not measured"):
+        measure_stage(stage, machine, agreed=lambda _: False)
+    assert samples == []
+
+
+def test_it_is_stopped_at_any_sync(machine, enabled):
+    asked = []
+    with pytest.raises(Aborted, match="stopped by the operator"):
+        measure_stage(enabled(machine), machine, stop=lambda: asked.append(0) or len(asked) > 700)
+    assert len(asked) == 701
+
+
+def test_no_room_to_slide(machine, enabled):
+    x = machine.axes["x"].model_copy(update={"travel": (-0.01, 0.01)})
+    narrow = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    with pytest.raises(UnusableInput, match=r"axes\.x\.travel: the measurement slides by 31\.7 mm"):
+        measure_stage(enabled(machine), narrow)
