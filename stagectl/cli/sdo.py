@@ -98,8 +98,10 @@ def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | N
     else:
         variables = [_variable(dictionary, axis, obj)]
     with bench.observer() as network, _node(network, axis) as remote:
+        values = [_read(remote, v) for v in variables]
         problem = _unit_problem(remote, axis, variables)
-        entries = [_entry(axis, v, _read(remote, v), problem is None) for v in variables]
+    agree = problem is None
+    entries = [_entry(axis, v, value, agree) for v, value in zip(variables, values, strict=True)]
     if problem is not None:
         click.echo(f"{problem}; values are in the drive's unit", err=True)
     write_json(entries, json_out)

@@ -81,6 +81,12 @@ def test_what_the_drive_refuses_is_one_line(call):
     assert "axis x: 0x6060:00 Modes of operation: write of 99 refused" in str(failure)
 
 
+def test_a_node_that_does_not_answer_is_named_with_the_object(call):
+    failure, _, _ = call("sdo", "get", "y", "0x6064", "--bus", "virtual:no-drives")
+    assert isinstance(failure, RunFault)
+    assert str(failure).startswith("axis y: 0x6064:00 Position actual value [nm]: read: node 2")
+
+
 def test_a_drive_that_holds_another_value_is_an_error(call, odd_drives):
     (drive, _), bus = odd_drives
     values = drive.dictionary.values
