@@ -99,12 +99,13 @@ def settle_figures(
     while True:
         moved = _beside(fitted, deviation, kept)
         sigma = _sigmas(fitted, moved, kept)
-        poor = (sigma > _KNOWN) & ~kept & ~lost
+        poor = ~(sigma <= _KNOWN) & ~kept & ~lost  # nor is one whose sigma is no number
         beyond = (np.abs(moved) >= _AT_BOUND) & ~kept & ~lost
         if not (poor | beyond).any():
             break
         # One after another: beside a figure that stays, others may be known.
-        worst = np.where(beyond, math.inf, np.where(poor, sigma, -math.inf))
+        doubt = np.nan_to_num(sigma, nan=math.inf)
+        worst = np.where(beyond, math.inf, np.where(poor, doubt, -math.inf))
         kept[int(np.argmax(worst))] = True
     base = fitted.model.base.copy()
     base[:STEP] = np.clip(moved, -MAX_SIGMAS, MAX_SIGMAS) * fitted.tolerance

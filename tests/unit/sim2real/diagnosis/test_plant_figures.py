@@ -74,6 +74,12 @@ def test_a_figure_at_its_bound_is_a_warning_and_is_not_written(axis):
     assert "bound of 5 tolerances" in change.why
 
 
+def test_a_fit_without_a_sigma_changes_nothing(axis):
+    model, changes = settle_figures(fitted(axis, {MASS: 1.0}, np.full((STEP, STEP), np.nan)))
+    assert not model.base.any()
+    assert not changes
+
+
 def test_what_the_file_leaves_unknown_has_no_value_to_stay_at(axis):
     model, changes = settle_figures(fitted(axis, {MASS: -5.0}, np.eye(STEP)), unknown=("mass",))
     assert model.base[MASS] == pytest.approx(-0.05)
