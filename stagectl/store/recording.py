@@ -115,7 +115,8 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
                 name: read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
-                for name in (axes if "cycle/extra" in file else ())
+                for name in axes
+                if f"cycle/extra/{name}" in file
             },
         )
 
