@@ -188,13 +188,14 @@ def test_friction_that_differs_on_the_way_is_not_taken_for_viscous(tmp_path):
     history.close()
     for name, axis in load_machine().axes.items():
         true = axis.plant.friction
-        for figure, is_ in (
-            ("viscous", true.viscous), ("stiffness", true.stiffness),
-            ("relaxation_rate", true.attraction / true.coulomb),
-        ):  # fmt: skip
+        for figure, is_, known in (
+            ("viscous", true.viscous, 0.03),
+            ("stiffness", true.stiffness, 0.06),  # the hysteresis' shape leaves 5 % open
+            ("relaxation_rate", true.attraction / true.coulomb, 0.03),
+        ):
             value, sigma = version.map.axes[name].figures[figure]
             assert abs(value - is_) < 3.5 * sigma, (name, figure, value, sigma)
-            assert sigma < 0.03 * is_
+            assert sigma < known * is_
 
 
 def test_what_cannot_be_gone_on_with(calibrated):
