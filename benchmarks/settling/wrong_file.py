@@ -148,7 +148,7 @@ def measure(
     errors, forces = [], []
     for speed in SPEEDS:
         found = [
-            _at_constant_speed(signals, speed, axis, host.bus.sync_period)
+            at_constant_speed(signals, speed, axis, host.bus.sync_period)
             for signals, axis in _signals(result(slow_moves(speed), "slow"), truth)
         ]
         errors.append(max(error for error, _ in found))
@@ -202,11 +202,11 @@ def _signals(result: RunResult, truth: Machine) -> list[tuple[AxisSignals, Axis]
 
 
 def _notes(result: RunResult) -> list[str]:
-    events = result.summary.get("observer_events", [])
+    events = result.summary.get("watchdog", [])
     return [f"{e['axis']} at {e['time']:.2f} s: {e['text']}" for e in events]
 
 
-def _at_constant_speed(
+def at_constant_speed(
     signals: AxisSignals, speed: float, axis: Axis, period: float
 ) -> tuple[float, float]:
     """Rms error [nm] and rms force about its mean [N]."""

@@ -3,8 +3,9 @@
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `measured` (its margins by a measured response), `design` (the
 largest gain that is safe), `filter`, `kernel` and `observer` (what happens between two SYNCs),
-`feedforward_error` (what a whole move lacked), `lacking_force` (its least squares),
-`learned_feedforward` (what moves have in common), `sticking` (friction without presliding).
+`watch` (whether it feeds an oscillation), `feedforward_error` (what a whole move lacked),
+`lacking_force` (its least squares), `learned_feedforward` (what moves have in common), `sticking`
+(friction without presliding).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer
@@ -18,7 +19,7 @@ from estimation.observer.feedforward_error import (
 from estimation.observer.learned_feedforward import LearnedFeedforward
 from estimation.observer.loop import Carriage, DriveLoop, Mode
 from estimation.observer.measured import Margins, MeasuredLoop
-from estimation.observer.observer import BusUnits, StageObserver
+from estimation.observer.observer import BusUnits, Finding, Kind, StageObserver
 from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE
 from estimation.observer.sticking import sticks, without_presliding
 
@@ -36,6 +37,8 @@ __all__ = [
     "Design",
     "DriveLoop",
     "FeedforwardErrors",
+    "Finding",
+    "Kind",
     "LearnedFeedforward",
     "Margins",
     "MeasuredLoop",

@@ -18,6 +18,14 @@ from estimation.compiled import kernel
 from estimation.observer.filter import READ, predict, take_in
 from estimation.observer.made_when_sampled import made_when_sampled
 from estimation.observer.model import LACK
+from estimation.observer.watch import (
+    FIGURES_DTYPE,
+    OUT,
+    STEADY,
+    WATCH_DTYPE,
+    WATCHING,
+    watch,
+)
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
 """Columns of a sample: [increments], [1/1000 rated], 1 or 0, time of its frame after SYNC [ns]."""
@@ -29,6 +37,8 @@ USUAL = 1e-3
 of Ts at most, per SYNC: outliers do not count for more."""
 STALE = 20
 """Setpoints moved by more than so many increments, yet the sample repeats the one before: stale."""
+ROOM = 2.0
+"""Times the bound at rest: what the drive's integrator holds beyond is taken over on the way."""
 LOST = 20
 """After so many periods without a row the estimate begins anew."""
 
@@ -43,6 +53,13 @@ AXIS_DTYPE = np.dtype(
         ("correction_gain", "f8"),
         ("kept", "f8"),
         ("limit", "f8"),
+        ("bound", "f8"),
+        ("accelerated", "f8"),
+        ("forgets", "f8"),
+        ("leak", "f8"),
+        ("most_leak", "f8"),
+        ("unwinds", "f8"),
+        ("ends", "i8"),
         ("increment", "f8"),
         ("unit", "f8"),
         ("saturation", "f8"),
@@ -52,18 +69,34 @@ AXIS_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""Figures of an axis: variance of a sample [m^2] and of a period's step of the disturbance [N^2];
-innovation that no force brings about [m]; g over force ratio; share of the correction kept, 1 - g;
-limit of the correction [N]; units of position [m] and force [N]; force from which the drive counts
-as saturated [1/1000 rated]; Tc/Ts, the share of a step of the demand that is made when the sample
-is taken; `USUAL` and Ts [ns]."""
+"""Figures of an axis.
+
+- noise, walk: variance of a sample [m^2] and of a period's step of the disturbance [N^2]; jump:
+  innovation that no force brings about [m];
+- correction_gain: g over force ratio; kept: share of the correction kept, 1 - g;
+- limit: of the correction's change in a move [N]; bound: the same while the demand does not
+  accelerate, and accelerated: more of it per increment of the demand's second difference [N], of
+  whose largest value a share forgets is kept per SYNC;
+- leak: share of that change per SYNC that goes to the drive's integrator; most_leak: at the bound
+  [N]; unwinds: share per SYNC of what the integrator holds too much, in motion, up to so many SYNCs
+  before its end: ends;
+- increment, unit: of position [m] and force [N]; saturation: force from which the drive counts as
+  saturated [1/1000 rated]; first_tick: Tc/Ts, the share of a step of the demand that is made when
+  the sample is taken; usual_step: `USUAL`; period: Ts [ns].
+"""
 NOW_DTYPE = np.dtype(
     [
         ("phase", "i8"),
         ("correction", "f8"),
+        ("base", "f8"),
         ("acting", "f8"),
         ("acting_before", "f8"),
         ("carried", "f8"),
+        ("bend", "f8"),
+        ("deviation", "f8"),
+        ("sent", "i8"),
+        ("own", "f8"),
+        ("goes_on", "?"),
         ("target", "i8"),
         ("target_before", "i8"),
         ("position", "i8"),
@@ -73,10 +106,17 @@ NOW_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""State of an axis: phase; correction [N]; offset sent less planned, in this period and the one
-before [N]; what rounding has left [1/1000 rated]; target sent last and the one before [increments];
-sample before [increments, 1/1000 rated]; usual arrival, negative before the first, and usual
-distance from it [ns]."""
+"""State of an axis.
+
+- phase; correction, and base: what it was at rest before the present move [N]; acting,
+  acting_before: offset sent less planned, in this period and the one before [N]; carried: what
+  rounding has left, sent: offset sent last [1/1000 rated];
+- own: the drive's own force of late [N]; goes_on: the demand moves, and will for some time; bend:
+  the largest second difference of the demand of late [increments]; deviation: the last [m];
+- target, target_before: sent last, and the one before [increments]; position, force: the sample
+  before [increments, 1/1000 rated];
+- usual_arrival: negative before the first, usual_distance: from it [ns].
+"""
 
 
 class Observers(NamedTuple):
@@ -84,12 +124,14 @@ class Observers(NamedTuple):
 
     Attributes:
         axes: records of `AXIS_DTYPE`, (n,).
+        watching: records of `estimation.observer.watch.FIGURES_DTYPE`, (n,).
         transition: (n, N, N).
         vectors: of `estimation.observer.filter`, (n, 3, N).
         steady: covariance of the prediction with punctual samples, (n, N, N).
     """
 
     axes: Records
+    watching: Records
     transition: F64
     vectors: F64
     steady: F64
@@ -100,12 +142,14 @@ class State(NamedTuple):
 
     Attributes:
         axes: records of `NOW_DTYPE`, (n,).
+        watched: records of `estimation.observer.watch.WATCH_DTYPE`, (n,).
         estimate: prediction for the next sample, (n, N).
         covariance: of it, (n, N, N).
         rooms: estimate being computed, then scratch, (N + 2, N).
     """
 
     axes: Records
+    watched: Records
     estimate: F64
     covariance: F64
     rooms: F64
@@ -115,15 +159,16 @@ def make_observers(axes: int, states: int) -> Observers:
     """Observers, their figures not yet set."""
     square = (axes, states, states)
     return Observers(
-        np.zeros(axes, AXIS_DTYPE), np.zeros(square), np.zeros((axes, 3, states)), np.zeros(square)
-    )
+        np.zeros(axes, AXIS_DTYPE), np.zeros(axes, FIGURES_DTYPE), np.zeros(square),
+        np.zeros((axes, 3, states)), np.zeros(square),
+    )  # fmt: skip
 
 
 def make_state(axes: int, states: int) -> State:
     """The state of observers that are off."""
     state = State(
-        np.zeros(axes, NOW_DTYPE), np.zeros((axes, states)), np.zeros((axes, states, states)),
-        np.zeros((states + 2, states)),
+        np.zeros(axes, NOW_DTYPE), np.zeros(axes, WATCH_DTYPE), np.zeros((axes, states)),
+        np.zeros((axes, states, states)), np.zeros((states + 2, states)),
     )  # fmt: skip
     state.axes["phase"], state.axes["usual_arrival"] = OFF, -1.0
     return state
@@ -144,19 +189,41 @@ def step(observers, state, targets, planned, row, periods, doubt, sample, sent):
         sample: of that SYNC, int64[n, 4].
         sent: written, int64[n]: force offsets of the row [1/1000 rated].
     """
+    steady = True
     for a in range(len(sent)):
         now = state.axes[a]
+        bend = abs(targets[row, a] - 2 * now.target + now.target_before)
+        now.bend = max(float(bend), observers.axes[a].forgets * now.bend)
+        if bend > STEADY:
+            steady = False
+    for a in range(len(sent)):
+        now = state.axes[a]
+        watched = state.watched[a]
+        watched.clock += periods
+        later = min(row + observers.axes[a].ends, targets.shape[0] - 1)
+        now.goes_on = later > row and targets[later, a] != targets[later - 1, a]
         if now.phase == OFF:
             sent[a] = within_integer16(planned[row, a])
+            now.target_before = now.target
+            now.target = targets[row, a]
             continue
         if periods > LOST and now.phase == RUNNING:
             now.phase = FRESH
         if now.phase != FAILED:
             observe(observers, state, a, periods, doubt, sample, targets[row, a])
         unit = observers.axes[a].unit
+        if now.phase == RUNNING and sample[a, VALID] != 0:
+            force = sample[a, MEASURED_FORCE] * unit
+            own_force = force - now.sent * unit
+            now.own += (1.0 - observers.axes[a].forgets) * (own_force - now.own)
+            watch(
+                observers.watching[a], watched, now, now.deviation, own_force, force,
+                bound_of(observers.axes[a], now), steady, now.target != now.target_before,
+            )  # fmt: skip
         wanted = planned[row, a] + now.correction / unit + now.carried
         sent[a] = within_integer16(wanted)
         now.carried = min(max(wanted - sent[a], -0.5), 0.5)
+        now.sent = sent[a]
         now.acting_before = now.acting
         now.acting = (sent[a] - planned[row, a]) * unit
         now.target_before = now.target
@@ -193,6 +260,7 @@ def observe(observers, state, a, periods, doubt, sample, coming):  # type: ignor
         off += unpunctuality(own, now, sample[a, ARRIVAL])
     shaken = off * (going * own.increment) ** 2
     now.position, now.force = position, force
+    now.deviation = deviation
     lacking = estimate[LACK]
     trial[:] = estimate
     if begins or saturated:  # nothing else is known: what was lacking still is
@@ -217,9 +285,31 @@ def observe(observers, state, a, periods, doubt, sample, coming):  # type: ignor
             return
     now.phase = RUNNING
     estimate[:] = trial
-    if not saturated:
+    mode = state.watched[a].mode
+    if mode == WATCHING and not saturated:
+        bound = bound_of(own, now)
         moved = own.kept * now.correction + own.correction_gain * estimate[LACK]
-        now.correction = min(max(moved, -own.limit), own.limit)
+        # where the bound comes down with the demanded acceleration, the correction follows slowly
+        bound = max(bound, abs(now.correction - now.base) - observers.watching[a].out_leak)
+        moved -= own.leak * (moved - now.base)
+        wound = abs(now.own) - ROOM * own.bound
+        if now.goes_on and wound > 0.0:
+            moved += math.copysign(own.unwinds * wound, now.own)
+        now.correction = min(max(moved, now.base - bound), now.base + bound)
+    elif mode == OUT:
+        now.correction = leaked(now.correction, observers.watching[a].out_leak)
+
+
+@kernel()
+def bound_of(own, now):  # type: ignore[no-untyped-def]
+    """Largest correction for what is demanded now [N]."""
+    return min(own.bound + own.accelerated * now.bend, own.limit)
+
+
+@kernel()
+def leaked(correction, leak):  # type: ignore[no-untyped-def]
+    """A correction [N] that has moved towards 0 by a leak [N]."""
+    return math.copysign(max(abs(correction) - leak, 0.0), correction)
 
 
 @kernel()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,17 @@ from estimation.observer.kernel import (
     step,
 )
 from estimation.observer.model import LACK
+from estimation.observer.watch import (
+    BLOCK,
+    ELSEWHERE,
+    FED,
+    OUT,
+    SLOWEST,
+    STANDS,
+    SUSPECTED,
+    UNANSWERED,
+    WATCHING,
+)
 
 I64 = NDArray[np.int64]
 F64 = NDArray[np.float64]
@@ -43,8 +57,50 @@ class BusUnits:
 
 JUMP = 2.0
 """Of the Coulomb force: within a period no force changes by more, all friction turned round."""
+MASS_OFF = 0.3
+"""Share of the mass that a correction may make up for."""
+AT_REST = 5e-9
+"""Largest deviation that a leak of the correction to the drive's integrator may cause [m]."""
+UNWINDS = 0.1
+"""Time constant in which the correction takes over what the drive's integrator holds too much,
+while an axis moves [s]: that takes a deviation, which is gone when it arrives."""
+OUT_LEAK = 0.5
+"""Fastest leak of a correction that is out [N/s]."""
+UNFORESEEN = 2.0
+"""Standard deviations of a deviation around its prediction: what is more, and persists, is not the
+disturbance that the model has."""
 _SATURATED = 0.98
 """Of the peak force: the reading is rounded, and behind the output."""
+
+
+class Kind(IntEnum):
+    """What the watchdog has found."""
+
+    SUSPECTED = SUSPECTED
+    FED = FED
+    ELSEWHERE = ELSEWHERE
+    STANDS = STANDS
+    UNANSWERED = UNANSWERED
+
+
+class Finding(NamedTuple):
+    """One of the watchdog.
+
+    Attributes:
+        axis: its number.
+        kind: of it.
+        time: since the first row [s].
+        rms: of the oscillation, or the deviation that stands [m].
+        frequency: of the oscillation [Hz].
+        correction: now [N].
+    """
+
+    axis: int
+    kind: Kind
+    time: float
+    rms: float
+    frequency: float
+    correction: float
 
 
 class StageObserver:
@@ -85,6 +141,7 @@ class StageObserver:
                 self._set_figures(a, chosen)
         self._state = make_state(count, states)
         self.sample: I64 = np.zeros((count, 4), np.int64)
+        self._told = [0] * count
         self._sent: I64 = np.zeros(count, np.int64)
         self._targets: I64 = np.zeros((0, count), np.int64)
         self._planned: F64 = np.zeros((0, count))
@@ -103,6 +160,35 @@ class StageObserver:
         own["limit"] = design.figures.limit
         own["correction_gain"] = design.gain / model.force_ratio
         own["kept"] = 1.0 - design.gain
+        figures, period, constant = design.figures, design.figures.period, 1.0 / design.gain
+        drive, unit = figures.drive, float(own["unit"])
+        own["accelerated"] = MASS_OFF * figures.carriage.mass * float(own["increment"]) / period**2
+        own["forgets"] = math.exp(-1.0 / (BLOCK * constant))
+        own["unwinds"], own["ends"] = period / UNWINDS, math.ceil(BLOCK * constant)
+        # the deviation at which the observer brings back what leaks
+        own["most_leak"] = design.gain * (drive.kp + figures.carriage.stiffness) * AT_REST
+        watching = made.watching[a]
+        watching["high_pass"] = math.exp(-1.0 / (SLOWEST * constant))
+        watching["block"] = math.ceil(BLOCK * constant)
+        one_unit = unit / (drive.kp + figures.carriage.stiffness)
+        watching["floor"] = max(one_unit, UNFORESEEN * model.spread) ** 2
+        watching["kp"] = drive.kp
+        self.bound(a, float(own["bound"]) or figures.coulomb)
+        watching["out_leak"] = min(drive.ki * AT_REST, OUT_LEAK) * period
+
+    def bound(self, axis: int, coulomb: float) -> None:
+        """From now on the correction of an axis changes by this at most [N]; between two streams.
+
+        In a move and the rest after it. Besides, 0.3 times the mass times the demanded
+        acceleration is allowed.
+        """
+        if not self.is_on[axis]:
+            return
+        own = self._observers.axes[axis]
+        own["bound"], own["leak"] = coulomb, float(own["most_leak"]) / coulomb
+        watching = self._observers.watching[axis]
+        taken_over = coulomb * float(own["unwinds"]) / (1.0 - float(own["kept"]))
+        watching["stands"] = taken_over / watching["kp"]
 
     def _compile(self) -> None:
         """Compile the kernel, or load it, before anything moves."""
@@ -115,7 +201,7 @@ class StageObserver:
 
     @property
     def correction(self) -> tuple[float, ...]:
-        """Correction of each axis in effect [N]."""
+        """Correction of each axis in effect, over the planned offsets [N]."""
         return tuple(self._state.axes["correction"].tolist())
 
     @property
@@ -124,9 +210,37 @@ class StageObserver:
         return tuple((self._state.axes["phase"] == FAILED).tolist())
 
     def restart(self) -> None:
-        """The axes were without power: no correction, no estimate."""
+        """The axes were without power: no correction, no estimate. What is out stays out."""
+        watched = self._state.watched
         self._state = make_state(len(self.is_on), self._state.rooms.shape[1])
+        for kept in ("clock", "findings", "finding", "found_at", "rms", "frequency", "known_power"):
+            self._state.watched[kept] = watched[kept]
+        self._state.watched["mode"] = np.where(watched["mode"] == OUT, OUT, WATCHING)
         self._state.axes["phase"] = np.where(self.is_on, FRESH, OFF)
+
+    def findings(self) -> list[Finding]:
+        """What the watchdog has found since this was last called, one per axis at most."""
+        found = []
+        for axis, watched in enumerate(self._state.watched):
+            if watched["findings"] != self._told[axis]:
+                self._told[axis] = watched["findings"]
+                period = float(self._observers.axes[axis]["period"]) * 1e-9
+                found.append(
+                    Finding(
+                        axis,
+                        Kind(int(watched["finding"])),
+                        float(watched["found_at"]) * period,
+                        float(watched["rms"]),
+                        float(watched["frequency"]) / period,
+                        float(self._state.axes[axis]["correction"]),
+                    )
+                )
+        return found
+
+    @property
+    def out(self) -> tuple[bool, ...]:
+        """Which axes' corrections the watchdog has taken out."""
+        return tuple((self._state.watched["mode"] == OUT).tolist())
 
     def redesign(self, axis: int, design: Design) -> None:
         """From now on observe an axis by another design of as many states, between two streams.
@@ -149,8 +263,11 @@ class StageObserver:
         """
         self._targets = np.ascontiguousarray(targets, np.int64)  # as compiled for
         self._planned = np.ascontiguousarray(planned, np.float64)
+        axes = self._state.axes
+        if len(targets):
+            sets_off = (targets[0] != target).any() & (axes["target"] == axes["target_before"])
+            axes["base"] = np.where(sets_off, axes["correction"], axes["base"])
         if not continued:
-            axes = self._state.axes
             axes["phase"][axes["phase"] != OFF] = FRESH
             axes["target"] = axes["target_before"] = target
 

@@ -27,6 +27,7 @@ from stagectl.sequencer import (
     LevelStepped,
     MarkNotFound,
     MoveStarted,
+    ObserverFound,
     Retrying,
     SegmentDone,
     Settled,
@@ -128,7 +129,7 @@ class RunProgress:
 
     def _take(self, event: Event, now: float) -> None:
         match event:
-            case DriveLimited(text=text) | EffectLeft(text=text):
+            case DriveLimited(text=text) | EffectLeft(text=text) | ObserverFound(text=text):
                 self._warn(text)
             case MoveStarted():
                 self._first_move = now if self._first_move is None else self._first_move

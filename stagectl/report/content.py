@@ -196,6 +196,7 @@ def notices(summary: Summary) -> list[Notice]:
     elif summary["moves"]:
         found.append(Notice("good", "Every move settled."))
     found += effect_notices(summary)
+    found += [Notice("warning", f"{w['text']}.") for w in summary.get("watchdog", ())]
     if refused := refused_estimates(summary):
         text = f"{len(refused)} of {len(summary['friction'])} friction estimates were refused."
         found.append(Notice("warning", text))

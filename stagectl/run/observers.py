@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from drivers import Stage
-from estimation.observer import Design, StageObserver
+from estimation.observer import Design, Kind, StageObserver
 from estimation.response import AxisResponse
 from stagectl.config.machine import Machine
 from stagectl.config.settings.observer import (
@@ -15,8 +15,9 @@ from stagectl.config.settings.observer import (
     make_observer,
 )
 from stagectl.measurement import Measurement, identify
+from stagectl.run.observer_findings import describe, is_out
 from stagectl.run.record import RunRecord
-from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets
+from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets, ObserverFound
 
 MEASURE = "measure with: stagectl observer --measure"
 UNMEASURED = f"not measured; {MEASURE}"
@@ -30,6 +31,7 @@ class Observers:
         compensation: of its axes, whose friction the observers are designed for.
         measurement: of the stage; None where there is none.
         simulated: the stage is virtual: the measurement holds even where it has changed since.
+        out: axis -> why its observer is out since an earlier run.
     """
 
     def __init__(
@@ -38,12 +40,16 @@ class Observers:
         compensation: Sequence[AxisCompensation],
         measurement: Measurement | None,
         simulated: bool,
+        out: Mapping[str, str] | None = None,
     ) -> None:
         self._machine, self._compensation = machine, compensation
         self._measurement, self._simulated = measurement, simulated
         axes = zip(machine.axes, compensation, strict=True)
         friction = {name: axis.estimator.friction for name, axis in axes}
-        self._designs = design_observers(machine, friction, self._responses())
+        designs = design_observers(machine, friction, self._responses())
+        self._designs = {**designs, **(out or {})}
+        self._out: dict[str, str] = {}
+        self._open: dict[str, str] = {}
         compile_observer(machine)
         self._observer: StageObserver | None = None
 
@@ -84,6 +90,7 @@ class Observers:
                 for axis in stage.axes
             ],
         )
+        self._bound()
         axes = zip(self._compensation, self._designs.values(), observer.is_on, strict=True)
         for a, (compensation, design, is_on) in enumerate(axes):
             if is_on and isinstance(design, Design):
@@ -91,6 +98,40 @@ class Observers:
         if any(observer.is_on):
             stage.correct_offsets(ObservedOffsets(observer))
         record.note_observer(self._designs, observer.is_on)
+
+    def found(self) -> list[ObserverFound]:
+        """What the watchdog has found since this was last called; no axis that is out learns on."""
+        if self._observer is None:
+            return []
+        events = []
+        names = tuple(self._machine.axes)
+        for finding in self._observer.findings():
+            name = names[finding.axis]
+            text = describe(name, finding)
+            self._open.pop(name, None)
+            if finding.kind is Kind.SUSPECTED:
+                self._open[name] = text
+                continue
+            if is_out(finding):
+                self._out[name] = text
+                self._compensation[finding.axis].unobserve()
+            events.append(ObserverFound(name, finding.time, is_out(finding), text))
+        self._bound()
+        return events
+
+    @property
+    def out(self) -> Mapping[str, str]:
+        """Axis -> why its observer is out since this run."""
+        return self._out
+
+    def _bound(self) -> None:
+        """Bound each correction by what friction may be."""
+        if self._observer is None:
+            return
+        axes = zip(self._machine.axes.values(), self._compensation, strict=True)
+        for a, (axis, compensation) in enumerate(axes):
+            coulomb = max(axis.plant.friction.coulomb, compensation.estimator.friction.coulomb)
+            self._observer.bound(a, coulomb + compensation.low_speed.level)
 
     def restart(self) -> None:
         """Forget the motion so far: a fault has ended it."""
@@ -139,7 +180,7 @@ class Observers:
         if self._observer is None:
             return []
         axes = zip(self._machine.axes, self._observer.failed, strict=True)
-        return [
+        return list(self._open.values()) + [
             f"axis {name}: the observer's estimate was not finite; its correction stayed as it was"
             for name, failed in axes
             if failed

@@ -36,6 +36,7 @@ from stagectl.sequencer import (
     FrictionUpdated,
     LevelStepped,
     MarkFound,
+    ObserverFound,
     Retrying,
     SegmentDone,
     StopNoticed,
@@ -166,6 +167,9 @@ class RunRecord:
             case LevelStepped():
                 self.journal.event("level_stepped", **asdict(event))
                 self._history.file(self._history.step(event))
+            case ObserverFound():
+                self.journal.event("observer_found", **asdict(event))
+                self.note_limitations([event.text])
             case SegmentDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)

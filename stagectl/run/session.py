@@ -20,6 +20,7 @@ from stagectl.maps import ActiveMap, sites_outside
 from stagectl.recipe import plan_from
 from stagectl.run.checks import Substitutes
 from stagectl.run.listener import Listener
+from stagectl.run.observer_findings import keep_out, read_out
 from stagectl.run.observers import Observers
 from stagectl.run.prepare import Preparation
 from stagectl.run.record import RunRecord
@@ -35,6 +36,7 @@ from stagectl.sequencer import (
     MovingAxis,
     Places,
     Retrying,
+    StopNoticed,
 )
 from stagectl.store import BusLog
 
@@ -65,6 +67,7 @@ class Session:
                 ready.compensation,
                 request.measurement,
                 simulated=request.truth is not None or substitutes is not None,
+                out=self._out_since_before(),
             )
         self._stage: Stage | None = None
         self._engine: Engine | None = None
@@ -73,6 +76,14 @@ class Session:
         self._early_stop: str | None = None
         if active is not None:
             record.note_limitations(sites_outside(active.version, request.recipe.sites))
+
+    def _out_since_before(self) -> dict[str, str]:
+        """Axes of a real stage whose observers are out since an earlier run, and why."""
+        request = self._request
+        if request.truth is not None or self._substitutes is not None:
+            return {}
+        measurement = request.measurement
+        return read_out(request.machine, None if measurement is None else measurement.measured)
 
     def _places_of(self, active: ActiveMap | None) -> Places | None:
         """Friction over the table: the map's, or unknown in a calibration without one."""
@@ -138,10 +149,12 @@ class Session:
                     record.wall_time = time.perf_counter() - begin
                     record.note_limitations(stage.notices)
                     if self._observers is not None:
+                        self._tell_found(self._observers)
                         record.note_limitations(
                             (*self._observers.failures(), *self._observers.findings())
                         )
                         record.note_feedforward(self._observers.learned())
+                        self._keep_out(self._observers)
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:
@@ -256,6 +269,24 @@ class Session:
         if self._early_stop is not None:
             raise _EarlyStop(self._early_stop)
 
+    def _tell_found(self, observers: Observers) -> None:
+        """Tell what the observers' watchdog has found, where it is."""
+        for found in observers.found():
+            self._record.note_event(found)
+            self._listener.event(found)
+
+    def _keep_out(self, observers: Observers) -> None:
+        """On a real stage: let later runs know which observers are out."""
+        request = self._request
+        if observers.out and request.truth is None and self._substitutes is None:
+            try:
+                kept = keep_out(request.machine, observers.out, request.started)
+            except StagectlError as error:
+                kept = str(error)
+            self._record.note_limitations([kept])
+
     def _on_event(self, event: Event) -> None:
+        if self._observers is not None and not isinstance(event, StopNoticed):
+            self._tell_found(self._observers)
         self._record.note_event(event)
         self._listener.event(event)

@@ -177,6 +177,23 @@ class LevelStepped:
     everywhere: bool
 
 
+@dataclass(frozen=True, slots=True)
+class ObserverFound:
+    """The watchdog of an observer has found something.
+
+    Attributes:
+        axis: its name.
+        time: of the stage, when the correction was frozen [s].
+        out: it stays out; False where it acts again.
+        text: what was found, with the axis.
+    """
+
+    axis: str
+    time: float
+    out: bool
+    text: str
+
+
 Event = (
     DriveLimited
     | EffectLeft
@@ -191,5 +208,6 @@ Event = (
     | MarkNotFound
     | StopNoticed
     | LevelStepped
+    | ObserverFound
     | Stopping
 )

@@ -101,6 +101,7 @@ class RunFacts:
         interrupted: where and why it ended early, likewise, or None.
         observer: axis -> whether its force offsets were corrected by an observer, with its gain
             and time constant [s], or the reason why not; empty in a run without.
+        watchdog: what the observers' watchdog has found, in order: axis, time [s], out, text.
         feedforward: axis -> what it feeds forward at the end of the run besides the machine file's
             mass, lead and coupling, as in docs/formats/run.md; empty where nothing learns it.
     """
@@ -130,6 +131,7 @@ class RunFacts:
     interrupted: Mapping[str, object] | None = None
     observer: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     feedforward: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    watchdog: Sequence[Mapping[str, object]] = ()
 
 
 def build_summary(
@@ -191,6 +193,8 @@ def build_summary(
     summary |= {key: value for key, value in optional.items() if value is not None}
     if facts.observer:
         summary["observer"] = {axis: dict(figures) for axis, figures in facts.observer.items()}
+    if facts.watchdog:
+        summary["watchdog"] = [dict(found) for found in facts.watchdog]
     if facts.feedforward:
         summary["feedforward"] = {axis: dict(of) for axis, of in facts.feedforward.items()}
     if facts.steps:

@@ -11,7 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.settling.observer import cases
-from benchmarks.settling.wrong_file import with_effect, with_mass, with_quirks
+from benchmarks.settling.wrong_file import (
+    at_constant_speed,
+    rows,
+    slow_moves,
+    with_effect,
+    with_mass,
+    with_quirks,
+)
+from benchmarks.shared.inspection_runs import Case, run_whole
 from benchmarks.shared.other_stages import of_law
 from stagectl.cli import cli
 from stagectl.config.fault_plan import parse_faults
@@ -237,3 +245,35 @@ def test_the_command_prints_gain_and_margins():
     assert peaks["drive_alone"] < peaks["latency_1"] < peaks["latency_2"] <= peaks["worst"] <= 2.0
     shown = CliRunner().invoke(cli, ["observer"])
     assert "gain per SYNC" in shown.output
+
+
+def slow_run(machine, truth, observer):
+    """Both axes at 10 mm/s; the error there [nm], and the result."""
+    result = run_whole(
+        Case("", Mode.ESTIMATED, observer=observer, measured=machine),
+        parse_recipe(slow_moves(0.01), "slow", machine), machine, 1, truth,
+    )  # fmt: skip
+    errors = [
+        at_constant_speed(result.recording.axes[name], 0.01, axis, 1e-3)[0]
+        for name, axis in truth.axes.items()
+    ]
+    return max(errors), result
+
+
+@pytest.mark.parametrize("row", ["drive gains x 0.5", "offset 5 SYNCs late", "position 1 SYNC old"])
+def test_an_observer_that_the_stage_contradicts_steps_back_and_says_why(machine, row):
+    truth = rows(machine)[row]
+    without, _ = slow_run(machine, truth, observer=False)
+    error, result = slow_run(machine, truth, observer=True)
+    assert error <= 1.3 * without
+    found = result.summary["watchdog"]
+    assert {entry["axis"] for entry in found if entry["out"]} == {"x", "y"}
+    assert max(entry["time"] for entry in found) <= 0.4  # 0.1 s of rest come first
+    assert all(entry["text"] in result.notices for entry in found)
+
+
+def test_a_vibration_from_elsewhere_is_told_and_nothing_steps_back(machine):
+    truth = cases(machine)["floor_vibration"][0](1)
+    found = slow_run(machine, truth, observer=True)[1].summary["watchdog"]
+    assert [entry["out"] for entry in found] == [False, False]
+    assert all("comes from elsewhere" in entry["text"] for entry in found)

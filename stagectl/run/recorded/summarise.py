@@ -115,6 +115,11 @@ def _facts(
         effects=tuple(run.get("effects", ())),
         observer=_last(notes, "observer").get("axes", {}),
         feedforward=_last(notes, "feedforward").get("axes", {}),
+        watchdog=tuple(
+            {key: e[key] for key in ("axis", "time", "out", "text")}
+            for e in notes.events
+            if e["event"] == "observer_found"
+        ),
         steps=tuple(
             {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
         ),

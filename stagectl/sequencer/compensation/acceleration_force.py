@@ -98,6 +98,10 @@ class AccelerationForce:
         """Begin to learn: an observer of this design corrects the offsets from now on."""
         self._errors = FeedforwardErrors(design, self._mass)
 
+    def forget(self) -> None:
+        """Feed forward what the machine file says, and learn no more: the observer is out."""
+        self._learned, self._errors = LearnedFeedforward(), None
+
     def learn(self, course: Course) -> None:
         """Correct what is fed forward by what a move lacked; does nothing without an observer."""
         if self._errors is None:

@@ -156,6 +156,12 @@ class AxisCompensation:
 
         self.sticking.watch(design, observe_otherwise)
 
+    def unobserve(self) -> None:
+        """The observer is out: forget what moves have shown with it."""
+        self.observed = False
+        self.acceleration.forget()
+        self.sticking.stop()
+
     def _observe_by(self, design: Design) -> None:
         if self.mode is Mode.ESTIMATED:
             self.acceleration.learn_with(design)

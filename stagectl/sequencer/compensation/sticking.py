@@ -40,6 +40,10 @@ class Sticking:
             rest = np.zeros(1)  # compiled, or loaded, before anything moves
             sticks(design, rest, rest, np.zeros(1, np.bool_))
 
+    def stop(self) -> None:
+        """Watch no more."""
+        self._design = None
+
     def judge(self, position: F64, force: F64, still: NDArray[np.bool_]) -> None:
         """Look whether the axis has stuck; arguments as those of `sticks`.
 

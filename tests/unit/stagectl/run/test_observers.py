@@ -91,3 +91,11 @@ def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(
     assert notice.startswith("axis y: the observer's estimate was not finite")
     observers.restart()
     assert observers.failures() == []
+
+
+def test_an_axis_that_is_out_since_an_earlier_run_goes_without(machine, compensation, measured):
+    stage, record = Enabled(machine), Noted()
+    out = {"y": "out since then"}
+    Observers(machine, compensation, measured, simulated=True, out=out).attach(stage, record)
+    assert record.is_on == (True, False)
+    assert record.designs["y"] == "out since then"

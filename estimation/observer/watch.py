@@ -1,0 +1,267 @@
+"""Whether the correction feeds what it should remove: watched from SYNC to SYNC, compiled.
+
+An axis counts in blocks of samples, each some time constants of the correction long, while the
+demands of all axes rest or move at a constant speed. Nothing that the host knows tells an
+oscillation that the observer feeds from a vibration that comes from elsewhere: from the position to
+the offset it answers both alike. What tells them apart is an experiment: where a deviation in the
+band in which the loop can oscillate persists above what is unavoidable, the correction is frozen at
+its mean, which opens the loop. If the oscillation then dies faster than it did, the observer fed
+it, and it stays out; otherwise it goes on.
+
+A position that is not the one that the drive holds (old, filtered) makes no oscillation: correction
+and integrator work against each other until the correction is at its limit. Two signs tell: the
+deviation stands at a constant speed, where the integrator would remove it; or it is so large that
+the drive would answer with a multiple of the correction's limit, and the measured force does not.
+
+Blocks with so many half-waves are short; the idea to count what stays above a limit from one half
+of a wave to the next is Hägglund's (Control Engineering Practice 3, 1995).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estimation.compiled import kernel
+
+WATCHING, TRYING, OUT = range(3)
+"""What the watchdog does with an axis: the correction acts; it is frozen, for an experiment; it is
+out, and leaks away."""
+NOTHING, SUSPECTED, FED, ELSEWHERE, STANDS, UNANSWERED = range(6)
+"""What it has found last: an oscillation, frozen to see; one that the observer fed; one that goes
+on without it; a deviation that stands; one that the drive does not answer."""
+
+BLOCK = 4.0
+"""Length of a block, in time constants of the correction: most of a period of the slowest
+oscillation that it can feed."""
+SLOWEST = 2.5
+"""Time constant of the high-pass on the deviation, likewise: slower ones are the drive's to remove,
+and the observer settles within it."""
+STRIKES = 3
+"""Blocks in which a deviation has to persist."""
+TURNS = 2
+"""And at least so many changes of sign in them: what creeps back does not oscillate."""
+PERSISTS = 0.5
+"""And this much of its power from one block to the next: with a peak sensitivity of 2 it loses more
+in a half-wave."""
+DIES = 0.25
+"""Of the power that the oscillation would have had, going on as before: it was fed. By design the
+observer makes a vibration at most 1.4 times as large as the drive alone (peaks 2 and 1.4)."""
+TRIES = 4
+"""Blocks of an experiment after the first, which the opening of the loop disturbs."""
+STEADY = 2
+"""Increments by which a step of a demand that goes on at a constant speed may differ from the one
+before: both are rounded."""
+STANDING = 0.8
+"""Of a mean deviation, from one block to the next: the drive's integrator removes more."""
+ANSWER = 2.0
+"""Times the limit of the correction: a proportional force that must show in the measured one,"""
+LEAST_ANSWER = 1.0 / 3.0
+"""by this much at least: gains may be off by 2."""
+
+FIGURES_DTYPE = np.dtype(
+    [
+        ("high_pass", "f8"),
+        ("block", "i8"),
+        ("floor", "f8"),
+        ("stands", "f8"),
+        ("kp", "f8"),
+        ("out_leak", "f8"),
+    ],
+    align=True,
+)
+"""Figures of an axis: share kept by the high-pass; samples of a block; mean square of deviations
+that are unavoidable [m^2]; deviation that the take-over from the integrator causes [m]; gain of the
+drive [N/m]; leak per SYNC of a correction that is out [N]."""
+WATCH_DTYPE = np.dtype(
+    [
+        ("mode", "i8"),
+        ("finding", "i8"),
+        ("findings", "i8"),
+        ("clock", "i8"),
+        ("found_at", "i8"),
+        ("rms", "f8"),
+        ("frequency", "f8"),
+        ("before", "f8"),
+        ("passed", "f8"),
+        ("count", "i8"),
+        ("power", "f8"),
+        ("sum", "f8"),
+        ("crossings", "i8"),
+        ("wait", "i8"),
+        ("last_power", "f8"),
+        ("last_error", "f8"),
+        ("strikes", "i8"),
+        ("turns", "i8"),
+        ("stands", "i8"),
+        ("first_power", "f8"),
+        ("known_power", "f8"),
+        ("trend", "f8"),
+        ("tries", "i8"),
+        ("any_count", "i8"),
+        ("any_error", "f8"),
+        ("any_own", "f8"),
+        ("any_force", "f8"),
+        ("any_correction", "f8"),
+        ("limited", "i8"),
+        ("unanswered", "i8"),
+        ("mean", "f8"),
+    ],
+    align=True,
+)
+"""State of an axis.
+
+- mode; finding: the last one; findings: how many; clock: SYNCs so far; found_at: when the
+  correction was frozen; rms, frequency: of the oscillation found [m, 1/SYNC];
+- before, passed: deviation of the sample before, and high-passed [m];
+- of the block under way, at a steady demand: count; power, sum: of squares and of the deviation
+  [m^2, m]; crossings: changes of sign; wait: blocks not to judge;
+- last_power, last_error: of the block before; strikes, stands: blocks in which an oscillation
+  persisted, a deviation stood; turns: changes of sign in them; first_power: of the first, or when
+  the experiment began; known_power: of what comes from elsewhere; trend: change of power from
+  block to block before the experiment; tries: its blocks;
+- of the block under way at any demand: any_count; sums of deviation, of the drive's own force, of
+  the absolute measured force and of the correction [m, N]; limited: samples at the limit;
+- unanswered: blocks that the drive did not answer; mean: correction of the block before [N].
+"""
+
+
+@kernel()
+def watch(figures, watched, now, deviation, own_force, force, bound, steady, moving):  # type: ignore[no-untyped-def]
+    """Take in a sample of an axis (9 arguments: one call per SYNC).
+
+    Args:
+        figures: record of `FIGURES_DTYPE`.
+        watched: record of `WATCH_DTYPE`, changed.
+        now: state of the observer's axis, whose correction may be frozen here.
+        deviation: from the demand [m].
+        own_force: measured force less the offset that was sent [N].
+        force: measured [N].
+        bound: of the correction [N].
+        steady: all demands rest or move at a constant speed.
+        moving: this one moves.
+    """
+    passed = figures.high_pass * (watched.passed + deviation - watched.before)
+    crossed = (passed > 0.0) != (watched.passed > 0.0)
+    watched.before, watched.passed = deviation, passed
+    if watched.mode == OUT:
+        return
+    watched.any_count += 1
+    watched.any_error += deviation
+    watched.any_own += own_force
+    watched.any_force += abs(force)
+    watched.any_correction += now.correction
+    if abs(now.correction - now.base) >= 0.98 * bound:
+        watched.limited += 1
+    if steady:
+        watched.count += 1
+        watched.power += passed * passed
+        watched.sum += deviation
+        watched.crossings += crossed
+    else:
+        restart_block(watched)
+        watched.wait = max(watched.wait, 1)
+        watched.last_power = watched.last_error = 0.0
+    limited = 2 * watched.limited >= watched.any_count
+    if watched.count >= figures.block:
+        judge_block(figures, watched, now, limited, moving)
+        restart_block(watched)
+    if watched.any_count >= figures.block:
+        if watched.mode == WATCHING and limited:
+            judge_answer(figures, watched, now, bound)
+        else:
+            watched.unanswered = 0
+        watched.mean = watched.any_correction / watched.any_count
+        watched.any_count = watched.limited = 0
+        watched.any_error = watched.any_own = watched.any_force = watched.any_correction = 0.0
+
+
+@kernel()
+def restart_block(watched):  # type: ignore[no-untyped-def]
+    """Begin a block at a steady demand."""
+    watched.count = watched.crossings = 0
+    watched.power = watched.sum = 0.0
+
+
+@kernel()
+def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-untyped-def]
+    """At the end of a block at a steady demand; `limited`: with the correction at its limit."""
+    power = watched.power / watched.count
+    error = watched.sum / watched.count
+    before, error_before = watched.last_power, watched.last_error
+    watched.last_power, watched.last_error = power, error
+    if watched.wait > 0:
+        watched.wait -= 1
+        return
+    frequency = 0.5 * watched.crossings / watched.count
+    if watched.mode == TRYING:
+        watched.tries += 1
+        expected = watched.first_power * watched.trend ** (watched.tries + 1)
+        if power < DIES * expected:
+            watched.mode = OUT
+            note(watched, FED, watched.rms, watched.frequency)
+        elif watched.tries >= TRIES:
+            watched.mode = WATCHING
+            watched.known_power = max(watched.known_power, power)
+            note(watched, ELSEWHERE, math.sqrt(power), frequency)
+        return
+    standing = error * error_before > 0.0 and abs(error) > STANDING * abs(error_before)
+    if limited and moving and standing and abs(error) > figures.stands:
+        watched.stands += 1
+    else:
+        watched.stands = 0
+    if watched.stands >= STRIKES:
+        freeze(watched, now, OUT)
+        note(watched, STANDS, abs(error), 0.0)
+        return
+    least = max(figures.floor, watched.known_power / DIES)
+    if power > least and (limited or power > PERSISTS * before):
+        watched.strikes += 1
+        if watched.strikes == 1:
+            watched.first_power, watched.turns = power, 0
+        watched.turns += watched.crossings
+    else:
+        watched.strikes = 0
+    if watched.strikes >= STRIKES and watched.turns >= TURNS:
+        strikes = watched.strikes
+        trend = (power / watched.first_power) ** (1.0 / (strikes - 1))
+        watched.trend = min(max(trend, PERSISTS), 1.0)
+        watched.first_power = power
+        freeze(watched, now, TRYING)
+        waves = 0.5 * watched.turns / (strikes * watched.count)
+        note(watched, SUSPECTED, math.sqrt(power), waves)
+
+
+@kernel()
+def judge_answer(figures, watched, now, bound):  # type: ignore[no-untyped-def]
+    """At the end of a block with the correction at its limit: does the drive answer?"""
+    error = watched.any_error / watched.any_count
+    own = watched.any_own / watched.any_count
+    pull = figures.kp * abs(error)
+    answer = -own if error > 0.0 else own
+    if pull > ANSWER * bound and answer < LEAST_ANSWER * pull and watched.any_force > 0.0:
+        watched.unanswered += 1
+    else:
+        watched.unanswered = 0
+    if watched.unanswered >= 2:
+        freeze(watched, now, OUT)
+        note(watched, UNANSWERED, abs(error), 0.0)
+
+
+@kernel()
+def freeze(watched, now, mode):  # type: ignore[no-untyped-def]
+    """Hold the correction at its mean over the last blocks."""
+    count = watched.any_count
+    now.correction = (
+        (watched.any_correction / count + watched.mean) / 2.0 if count else watched.mean
+    )
+    watched.mode, watched.strikes, watched.stands, watched.tries = mode, 0, 0, 0
+    watched.wait, watched.found_at = 1, watched.clock
+
+
+@kernel()
+def note(watched, finding, rms, frequency):  # type: ignore[no-untyped-def]
+    """Keep a finding for the host."""
+    watched.finding, watched.rms, watched.frequency = finding, rms, frequency
+    watched.findings += 1

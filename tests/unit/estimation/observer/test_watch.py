@@ -1,0 +1,138 @@
+"""The observer watched: what it feeds is cut off, what comes from elsewhere is not, no wind-up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from estimation.observer import BusUnits, Carriage, Finding, Kind, StageObserver, design_observer
+from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, FIGURES, PERIOD, Plant
+
+DESIGN = design_observer(FIGURES)
+UNITS = BusUnits(1e-9, 0.04, 120.0)
+SLIDING = Carriage(8.0, 0.0, 20.0)
+WEAK = replace(DRIVE, kp=0.4 * DRIVE.kp, ki=0.4 * DRIVE.ki, kd=0.4 * DRIVE.kd)
+STEP = 1e-9
+VISIBLE = 100e-9
+"""Deviations above this, high-passed or not, are an oscillation here [m]."""
+
+
+class Course(NamedTuple):
+    """One value per SYNC, shape (K,), and all findings."""
+
+    deviation: np.ndarray
+    correction: np.ndarray
+    findings: list[Finding]
+    observer: StageObserver
+
+
+def run(
+    pushes: np.ndarray,
+    plant: Plant | None = None,
+    speed: float = 0.0,
+    late: float = 0.0,
+    noise: float = 1e-9,
+    observer: StageObserver | None = None,
+) -> Course:
+    """An axis under its observer that moves at a constant speed, with samples that may be late.
+
+    Args:
+        pushes: force against the motion in each period [N], shape (K,).
+        plant: as `FIGURES` says if None.
+        speed: of the demand [m/s].
+        late: time by which a sampled position is old [s].
+        noise: of the encoder [m rms].
+        observer: None: a new one.
+    """
+    plant, rows = plant or Plant(), len(pushes)
+    observer = observer or StageObserver([DESIGN], [UNITS], PERIOD, 1e-4)
+    path = np.rint(speed * PERIOD / STEP * np.arange(1, rows + 1)).astype(np.int64)[:, None]
+    observer.begin(path, np.zeros((rows, 1)), [0], False)
+    deviation, correction = np.zeros(rows), np.zeros(rows)
+    wiggle = np.random.default_rng(1).normal(0.0, noise, (rows, 10))
+    before, findings, force = 0.0, [], 0
+    for k in range(rows):
+        reached = speed * PERIOD * (k - 1 + 0.1) if k else 0.0
+        reading = reached + plant.deviation + wiggle[k, 0] - speed * late
+        observer.sample[0] = (round(reading / STEP), force, 1, 0)
+        sent = observer.offsets(k, 1, 0.0)[0] * UNITS.force
+        deviation[k], correction[k] = plant.deviation, observer.correction[0]
+        plant.advance(before, sent, pushes[k], wiggle[k], steps=10)
+        before, force = sent, round(plant.force / UNITS.force)
+        findings += observer.findings()
+    return Course(deviation, correction, findings, observer)
+
+
+def kinds(course: Course) -> list[Kind]:
+    return [found.kind for found in course.findings]
+
+
+def test_an_oscillation_that_it_feeds_is_cut_off_and_stays_out() -> None:
+    course = run(np.full(900, 0.3), Plant(WEAK, SLIDING))
+    assert kinds(course) == [Kind.SUSPECTED, Kind.FED]
+    fed = course.findings[-1]
+    frozen = round(fed.time / PERIOD)
+    onset = int(np.argmax(np.abs(course.deviation[40:]) > VISIBLE)) + 40  # after the push itself
+    assert frozen - onset <= 300
+    assert 25.0 < fed.frequency < 60.0
+    assert np.abs(course.deviation[-200:]).max() < 30e-9
+    rates = np.abs(np.diff(course.correction[frozen:])) / PERIOD
+    assert rates.max() <= 0.5
+    assert rates.max() <= 1.01 * DRIVE.ki * 5e-9
+    assert course.observer.out == (True,)
+    course.observer.restart()
+    assert course.observer.out == (True,)
+    again = run(np.full(300, 0.3), Plant(WEAK, SLIDING), observer=course.observer)
+    assert np.abs(again.correction).max() == 0.0
+    assert again.findings == []
+
+
+@pytest.mark.parametrize("frequency", [20.0, 33.0, 51.0, 120.0])
+def test_a_vibration_from_elsewhere_is_told_and_the_observer_returns(frequency: float) -> None:
+    pushes = 3.0 * np.sin(2.0 * np.pi * frequency * PERIOD * np.arange(1500))
+    course = run(pushes)
+    assert kinds(course) == [Kind.SUSPECTED, Kind.ELSEWHERE]
+    assert course.findings[-1].frequency == pytest.approx(frequency, rel=0.25)
+    assert course.observer.out == (False,)
+    step = np.abs(np.diff(course.correction)).max()
+    told = round(course.findings[-1].time / PERIOD)
+    assert np.abs(np.diff(course.correction[told + 3 :])).max() <= step  # it returns as it acts
+    assert course.correction[-300:].std() > 0.0
+
+
+@pytest.mark.parametrize("carriage", [CARRIAGE, SLIDING])
+def test_pushes_and_noise_are_no_alarm(carriage: Carriage) -> None:
+    """Half of Fc either way, three times a second, some at once and some slowly."""
+    steps = np.repeat(np.random.default_rng(3).uniform(-3.0, 3.0, 12), 300)
+    slow = np.convolve(steps, np.full(60, 1 / 60), "same")
+    for pushes in (steps, slow):
+        assert run(pushes, Plant(DRIVE, carriage)).findings == []
+
+
+@pytest.mark.parametrize("late", [1e-3, 0.3e-3])
+def test_an_old_position_is_noticed_before_it_winds_up(late: float) -> None:
+    course = run(np.full(600, 6.0), Plant(DRIVE, SLIDING), speed=10e-3, late=late)
+    assert kinds(course) == [Kind.STANDS]
+    assert course.findings[0].time <= 0.3
+    assert course.findings[0].rms == pytest.approx(10e-3 * late, rel=0.1)
+
+
+def test_a_drive_that_does_not_answer_is_noticed_in_any_motion() -> None:
+    course = run(np.full(200, 6.0), Plant(DRIVE, SLIDING), speed=0.2, late=1e-3)
+    assert kinds(course) == [Kind.UNANSWERED]
+
+
+def test_the_correction_is_bounded_by_friction_and_acceleration() -> None:
+    observer = StageObserver([DESIGN], [UNITS], PERIOD, 1e-4)
+    assert np.abs(run(np.full(300, 15.0), observer=observer).correction).max() <= 6.0
+    observer.bound(0, 9.0)
+    assert np.abs(run(np.full(300, 15.0), observer=observer).correction).max() > 8.9
+
+
+def test_what_acts_at_rest_leaks_into_the_integrator_within_5_nm() -> None:
+    leaking = run(np.full(3000, 5.5), noise=0.0)
+    assert abs(leaking.deviation[-1000:].mean()) <= 5e-9
+    assert leaking.correction[600] - leaking.correction[-1] > 0.05
