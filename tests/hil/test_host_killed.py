@@ -24,6 +24,7 @@ import yaml
 from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording, recover_left_over
 from tests.multicast import require_multicast
+from tests.signals import listening
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 BUSES = [
@@ -125,8 +126,8 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=listening,
         )  # fmt: skip
 
-    with start("sim") as drives, can.Bus(interface=interface, channel=channel) as listening:
-        onlooker = Onlooker(listening)
+    with start("sim") as drives, can.Bus(interface=interface, channel=channel) as tap:
+        onlooker = Onlooker(tap)
         try:
             assert drives.stdout is not None
             assert "node 1" in drives.stdout.readline()

@@ -257,7 +257,7 @@ def start_long(folder: Path) -> subprocess.Popen[str]:
     journal = folder / "out" / "recording.journal"
     deadline = time.monotonic() + 400
     while time.monotonic() < deadline:
-        if journal.exists() and journal.stat().st_size > 100_000:
+        if journal.exists() and journal.stat().st_size > 300_000:  # 1000 samples and more
             return process
         time.sleep(0.02)
     process.kill()
