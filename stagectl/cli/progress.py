@@ -31,6 +31,7 @@ from stagectl.sequencer import (
     Retrying,
     SegmentDone,
     Settled,
+    StageRestless,
     Stopping,
     Waiting,
 )
@@ -129,8 +130,8 @@ class RunProgress:
 
     def _take(self, event: Event, now: float) -> None:
         match event:
-            case DriveLimited(text=text) | EffectLeft(text=text) | ObserverFound(text=text):
-                self._warn(text)
+            case DriveLimited() | EffectLeft() | ObserverFound() | StageRestless():
+                self._warn(event.text)
             case MoveStarted():
                 self._first_move = now if self._first_move is None else self._first_move
                 self._begun += 1

@@ -39,6 +39,7 @@ from stagectl.sequencer import (
     ObserverFound,
     Retrying,
     SegmentDone,
+    StageRestless,
     StopNoticed,
 )
 from stagectl.store import (
@@ -170,6 +171,8 @@ class RunRecord:
             case ObserverFound():
                 self.journal.event("observer_found", **asdict(event))
                 self.note_limitations([event.text])
+            case StageRestless(text=text):
+                self.note_limitations([text])
             case SegmentDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)

@@ -34,6 +34,7 @@ from stagectl.sequencer.events import (
     MoveStarted,
     SegmentDone,
     Settled,
+    StageRestless,
     StopNoticed,
     Stopping,
     Waiting,
@@ -41,6 +42,7 @@ from stagectl.sequencer.events import (
 from stagectl.sequencer.excitation import excitation_setpoints
 from stagectl.sequencer.mover import Mover, MovingAxis
 from stagectl.sequencer.streamer import StagePort
+from stagectl.sequencer.unrest import Unrest
 from stagedata import Move
 
 LEAD_IN = 0.1
@@ -106,6 +108,10 @@ class Engine:
         self._fiducial = fiducial
         self._period = period
         self._on_move, self._on_event = on_move, on_event
+        self._window: float | None = None
+        self._unrest = Unrest(
+            [axis.name for axis in axes], [axis.increment for axis in axes], period
+        )
         self._site: int | None = None
         self._site_position: tuple[float, ...] = tuple(self._mover.target)
         self._place: tuple[float, ...] | None = None
@@ -223,6 +229,8 @@ class Engine:
             self._on_event(Waiting(move.site, "settling", max(step.timeout, step.hold)))
             waited, settled = self._wait(step)
             self._on_event(Settled(move.site, move.kind, waited, settled))
+            self._window = step.window
+            self._tell_unrest(self._unrest.after_settling(move.kind, waited))
             if settled or step.on_timeout == "continue":
                 return
         where = "" if move.site is None else f"site {move.site}: "
@@ -256,7 +264,9 @@ class Engine:
         self._check_stop()
 
     def _learn(self) -> None:
-        move = self._mover.move
+        move, samples = self._mover.move, self._mover.streamed()
+        if self._window is not None and samples is not None:
+            self._tell_unrest(self._unrest.in_samples(samples, self._window))
         for axis, learned in self._mover.learn():
             assert move is not None  # noqa: S101  nothing is learned without a move
             site = move.site
@@ -277,6 +287,10 @@ class Engine:
                     learned.local,
                 )
             )
+
+    def _tell_unrest(self, texts: Sequence[str]) -> None:
+        for text in texts:
+            self._on_event(StageRestless(text))
 
     def _check_stop(self) -> None:
         if self.stop.is_asked():

@@ -178,6 +178,13 @@ class LevelStepped:
 
 
 @dataclass(frozen=True, slots=True)
+class StageRestless:
+    """The stage oscillates, or settles ever later; `text` says what, and what to do."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class ObserverFound:
     """The watchdog of an observer has found something.
 
@@ -209,5 +216,6 @@ Event = (
     | StopNoticed
     | LevelStepped
     | ObserverFound
+    | StageRestless
     | Stopping
 )

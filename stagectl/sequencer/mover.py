@@ -28,7 +28,7 @@ from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.samples.feedforward_data import courses
 from stagectl.sequencer.samples.move_data import prepare_move_data
 from stagectl.sequencer.streamer import StagePort, Streamer, Until
-from stagedata import Move
+from stagedata import Move, Samples
 
 F64 = NDArray[np.float64]
 
@@ -305,6 +305,10 @@ class Mover:
                 learned.append((axis.name, result))
                 self._friction.report(a, move.kind, result, self.time)
         return learned
+
+    def streamed(self) -> Samples | None:
+        """The samples since the move began; None before the first one."""
+        return self._streamer.streamed()[0] if self._streamer.has_record else None
 
     def _learn_from_corrections(self) -> None:
         """What a long move lacked; where friction has no presliding, observers assume none."""
