@@ -31,10 +31,12 @@ HIGHEST_RESONANCE = 0.4
 """Over the SYNC rate: beyond, folding hides where a mode lies."""
 MODES = 2
 """Resonances at most."""
-EARNS = 0.8
+EARNS = 0.5
 """A resonance stays if it leaves at most this share of the squared residuals,"""
 SIGMAS = 5.0
 """and is so many sigma from none; it is looked for where a line is so many sigma off."""
+GOOD = 3.0
+"""With a misfit below this, no other start is tried."""
 _THINNED = 8
 """One line in so many is enough for a start."""
 _TRIED = 100
@@ -71,16 +73,13 @@ def fit(response: AxisResponse, clocking: Clocking, believed: Figures) -> Fitted
         believed: of the same order as the figures.
     """
     problem = _Problem(response, clocking, believed)
-    best, start = min(
-        ((problem.solve(start), start) for start in problem.starts()),
-        key=lambda solved: solved[0].cost,
-    )
-    while len(best.figures.resonances) < MODES and np.abs(best.residuals).max() > SIGMAS:
-        richer = problem.with_another_mode(start, best)
-        if richer.cost > EARNS * best.cost or not richer.is_mode_sure:
+    without_modes = [(problem.solve(start), start) for start in problem.starts()]
+    found: list[_Solution] = []
+    for solution, start in sorted(without_modes, key=lambda pair: pair[0].cost):
+        found.append(problem.with_modes(solution, start))
+        if found[-1].misfit < GOOD:
             break
-        best = richer
-    return best.result()
+    return min(found, key=lambda solution: solution.cost).result()
 
 
 class _Curve(NamedTuple):
@@ -115,6 +114,11 @@ class _Solution:
     residuals: F64
 
     @property
+    def misfit(self) -> float:
+        """Rms of the residuals."""
+        return math.sqrt(2.0 * self.cost / len(self.residuals))
+
+    @property
     def is_mode_sure(self) -> bool:
         """Whether the last resonance is one."""
         mode = self.figures.resonances[-1]
@@ -127,7 +131,7 @@ class _Solution:
         for k, mode in enumerate(modes):
             sigma[f"resonance_{k}"] *= mode.frequency
         sigma["position_delay"] = self.delay_deviation
-        return Fitted(self.figures, sigma, math.sqrt(2.0 * self.cost / len(self.residuals)))
+        return Fitted(self.figures, sigma, self.misfit)
 
 
 class _Problem:
@@ -143,7 +147,7 @@ class _Problem:
         self._least[_ADDED.index("dead_time")] = -clocking.control_period / 2.0 / self._units[0]
 
     def starts(self) -> Iterator[Figures]:
-        """Figures near enough for least squares: the delay on the way out, or in the loop.
+        """Figures near enough for least squares: a delay on the way out, in the loop, or none.
 
         The responses to offset and to demand differ by the drive's law and by how late an offset
         acts: their ratio gives the level of the gains, whatever the mechanics are. Mass and age
@@ -167,6 +171,7 @@ class _Problem:
         yield figures
         if figures.age > 0.0:
             yield figures._replace(dead_time=figures.dead_time + figures.age, age=0.0)
+            yield figures._replace(age=0.0)
 
     def _law_level(self, figures: Figures) -> float:
         """Measured over computed ratio of the responses to demand and offset, at rest."""
@@ -217,6 +222,15 @@ class _Problem:
         delay *= float(self._units[_ADDED.index("age")])
         return _Solution(self._figures(found.x, start), deviation, delay, cost, residuals)
 
+    def with_modes(self, best: _Solution, start: Figures) -> _Solution:
+        """A solution from a start, with the resonances that earn their place."""
+        while len(best.figures.resonances) < MODES and np.abs(best.residuals).max() > SIGMAS:
+            richer = self.with_another_mode(start, best)
+            if richer.cost > EARNS * best.cost or not richer.is_mode_sure:
+                break
+            best = richer
+        return best
+
     def with_another_mode(self, start: Figures, found: _Solution) -> _Solution:
         """The best solution with one more resonance.
 
@@ -226,22 +240,19 @@ class _Problem:
         known = found.figures.resonances
         anew = min(self._modes(), key=lambda mode: self._fine_distance(_with(start, known, mode)))
         worst = self._worst_line(found.figures)
-        starts = [
-            _with(figures, known, mode)
-            for figures, mode in (
-                (start, anew),
-                *((found.figures, Resonance(worst, 0.01, share)) for share in (0.1, -0.1)),
-                (start, Resonance(worst, 0.01, 0.1)),
-            )
-        ]
-        first = (self.solve(figures, 10) for figures in starts)
+        modes = (anew, *(Resonance(worst, 0.01, share) for share in (0.1, -0.9)))
+        first = (
+            self.solve(_with(figures, known, mode), 10)
+            for figures in (start, found.figures)
+            for mode in modes
+        )
         return self.solve(min(first, key=lambda s: s.cost).figures)
 
     def _modes(self) -> Iterator[Resonance]:
         highest = HIGHEST_RESONANCE / self._period
         lowest = float(self._states[0].offset.at[0])
         for frequency in np.geomspace(2.0 * lowest, highest, _TRIED).tolist():
-            for share in (0.2, -0.2):
+            for share in (0.2, -0.9):
                 yield Resonance(frequency, 0.01, share)
 
     def _worst_line(self, figures: Figures) -> float:
