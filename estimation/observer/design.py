@@ -45,6 +45,8 @@ class AxisFigures:
         limit: of the correction, either way [N].
         mass_doubt: relative, either way.
         measured: response of the axis; None where the figures are believed.
+        age: of sampled positions, as measured [s].
+        lead: by which forces act later than the host believes, as measured [s].
     """
 
     drive: DriveLoop
@@ -55,6 +57,8 @@ class AxisFigures:
     limit: float
     mass_doubt: float = 0.0
     measured: MeasuredLoop | None = None
+    age: float = 0.0
+    lead: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -83,8 +83,8 @@ class FeedforwardErrors:
         slope = drive.kp / drive.kd if drive.kd else math.inf
         response = _response(design, round(_RESPONSE * constant))
         self._figures = Figures(
-            mass, own.coulomb, own.period, drive.ki, slope, drive.control_period / own.period,
-            _REST * constant, SCALE, response,
+            mass, own.coulomb, own.period, drive.ki, slope,
+            (drive.control_period - own.age) / own.period, _REST * constant, SCALE, response,
         )  # fmt: skip
         self._value, self._information = np.empty(3), np.empty((3, 3))
         rest = np.zeros(2)

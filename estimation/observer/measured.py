@@ -55,11 +55,11 @@ class MeasuredLoop:
         hold = Lines(at, clocking).setpoint_hold
         self._states = [
             (_mixed(response, share, "offset"), 1.0 - _mixed(response, share, "demand") / hold)
-            for share in STATES
+            for share in (STATES if not response.sticks else STATES[:1])
         ]
-        self._doubt = 1.0 + SIGMAS * np.maximum(
-            *(r.offset_sigma / np.abs(r.offset) for r in response)
-        )
+        states = (response.sliding,) if response.sticks else response
+        doubt = [state.offset_sigma / np.abs(state.offset) for state in states]
+        self._doubt = 1.0 + SIGMAS * np.max(doubt, axis=0)
 
     @property
     def drive_peaks(self) -> tuple[float, ...]:
@@ -121,4 +121,6 @@ def _mixed(response: AxisResponse, share: float, which: str) -> C128:
     def of(state: FrequencyResponse) -> C128:
         return state.offset if which == "offset" else state.on_offset_lines()
 
+    if share == 0.0:
+        return of(response.sliding)
     return 1.0 / ((1.0 - share) / of(response.sliding) + share / of(response.rest))

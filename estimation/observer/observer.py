@@ -133,7 +133,7 @@ class StageObserver:
         axes["increment"] = [unit.increment for unit in units]
         axes["unit"] = [unit.force for unit in units]
         axes["saturation"] = [_SATURATED * unit.peak_force / unit.force for unit in units]
-        axes["first_tick"] = control_period / period
+        self._control_period = control_period
         axes["period"] = period * 1e9
         axes["usual_step"] = USUAL * period * 1e9
         for a, chosen in enumerate(used):
@@ -155,6 +155,8 @@ class StageObserver:
         made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.kick
         made.steady[a, :size, :size] = model.covariance
         own = made.axes[a]
+        sampled = self._control_period - design.figures.age
+        own["first_tick"] = sampled / design.figures.period
         own["noise"], own["walk"] = design.figures.noise**2, design.walk**2
         own["jump"] = JUMP * design.figures.coulomb / abs(model.gain[LACK])
         own["limit"] = design.figures.limit

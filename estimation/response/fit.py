@@ -174,7 +174,7 @@ class _Problem:
             yield figures._replace(age=0.0)
 
     def _law_level(self, figures: Figures) -> float:
-        """Measured over computed ratio of the responses to demand and offset, at rest."""
+        """Measured over computed ratio of the responses to demand and offset."""
         rest = self._coarse[0]
         offset, demand = rest.computed(figures)
         size = min(len(offset), len(demand))
@@ -267,7 +267,7 @@ class _Problem:
 
     def _fine_distance(self, figures: Figures) -> float:
         """As `_distance`, on all lines while sliding."""
-        sliding = self._states[1]
+        sliding = self._states[-1]
         offset, demand = sliding.computed(figures)
         return _distance(offset, sliding.offset.value) + _distance(demand, sliding.demand.value)
 
@@ -323,4 +323,5 @@ def _states(response: AxisResponse, clocking: Clocking, step: int) -> list[_Stat
             curve(r.demand_at, r.demand, r.demand_sigma),
         )
         for slides, r in ((False, response.rest), (True, response.sliding))
+        if slides or not response.sticks
     ]

@@ -14,6 +14,8 @@ from estimation.response.excitation import I64
 F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
+STUCK = 0.3
+"""Usual uncertainty of a response, over its size, above which there is none."""
 _PASSES = 3
 """Each response frees the other's lines from itself; they converge by the rounding's share."""
 _NEIGHBOURS = 5
@@ -50,6 +52,11 @@ class AxisResponse(NamedTuple):
 
     rest: FrequencyResponse
     sliding: FrequencyResponse
+
+    @property
+    def sticks(self) -> bool:
+        """Whether friction holds the axis at rest: without presliding, nothing is measured."""
+        return bool(np.median(self.rest.offset_sigma / np.abs(self.rest.offset)) > STUCK)
 
 
 def between(at: F64, known_at: F64, known: C128) -> C128:

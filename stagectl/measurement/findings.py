@@ -57,6 +57,8 @@ def find_contradictions(
     believed = believed_figures(axis, friction)
     step = offset_step(axis, response)
     clauses = [*_offsets(fitted, step, axis)]
+    if response.sticks and believed.stiffness > 0.0:
+        clauses.append("friction does not give way at rest: it has no presliding")
     if fitted.misfit < MISFIT and (step is None or step < TOO_COARSE * friction.coulomb):
         clauses += [*_force(fitted, believed), *_law(fitted, believed)]
         clauses += [*_times(fitted, believed, period), *_resonances(fitted, believed)]

@@ -26,6 +26,8 @@ from stagedata import FrictionFigures
 
 LIMIT = 0.5
 """Largest correction, over the rated force."""
+LEAST_TIME = 1e-4
+"""Shorter measured times count for none [s]."""
 COARSER = 2.0
 """Steps of force offsets are noticed from so many of the units in which they are sent."""
 COARSE = 0.02
@@ -118,6 +120,11 @@ def offset_step(axis: Axis, response: AxisResponse) -> float | None:
     return step if step > COARSER * axis.drive.force_unit else None
 
 
+def _if_long(time: float) -> float:
+    """A measured time [s]; 0 where it is within what the closed form gets wrong."""
+    return time if time > LEAST_TIME else 0.0
+
+
 def _as_measured(
     figures: AxisFigures, fitted: Fitted, response: AxisResponse, axis: Axis
 ) -> AxisFigures | str:
@@ -134,8 +141,14 @@ def _as_measured(
         drive=replace(
             figures.drive, kp=shown.kp, ki=shown.ki, kd=shown.kd, delay=max(shown.dead_time, 0.0)
         ),
-        carriage=Carriage(shown.mass, max(shown.stiffness, 0.0), max(shown.viscous, 0.0)),
+        carriage=Carriage(
+            shown.mass,
+            0.0 if response.sticks else max(shown.stiffness, 0.0),
+            max(shown.viscous, 0.0),
+        ),
         mass_doubt=min(DOUBT * fitted.sigma["mass"], 0.5),
+        age=_if_long(shown.age + shown.smoothing),
+        lead=_if_long(shown.dead_time + shown.lateness - figures.drive.delay),
         measured=MeasuredLoop(response, clocked),
     )
 

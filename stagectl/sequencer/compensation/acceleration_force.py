@@ -26,6 +26,9 @@ F64 = NDArray[np.float64]
 REPORTED = (0.02, 1e-4, 0.01)
 """Changes of mass [1], lead [s] and coupling [1] above which the operator is told of them."""
 
+MEASURED = 0.05
+"""A measured force per acceleration that is off by less is left to moves, which know better."""
+
 
 class AccelerationForce:
     """The force fed forward to accelerate one axis, and what moves show it to lack.
@@ -38,6 +41,7 @@ class AccelerationForce:
     """
 
     def __init__(self, mass: float, delay: float, period: float) -> None:
+        self._file = mass, delay
         self._mass, self._delay, self._period = mass, delay, period
         self._learned = LearnedFeedforward()
         self._errors: FeedforwardErrors | None = None
@@ -59,8 +63,12 @@ class AccelerationForce:
 
     def figures(self) -> dict[str, float]:
         """What is fed forward besides the machine file's: share of the mass, lead [s], coupling."""
-        mass, lead, coupling = self._learned.fed.tolist()
-        return {"mass": mass, "lead": lead, "coupling": coupling}
+        mass, delay = self._file
+        return {
+            "mass": self.mass / mass - 1.0,
+            "lead": self.ahead - delay,
+            "coupling": float(self._learned.fed[COUPLING]) * self._mass / mass,
+        }
 
     def describe(self) -> list[str]:
         """What is fed forward that the machine file does not have, as clauses."""
@@ -95,12 +103,21 @@ class AccelerationForce:
         return force
 
     def learn_with(self, design: Design) -> None:
-        """Begin to learn: an observer of this design corrects the offsets from now on."""
+        """Begin to learn: an observer of this design corrects the offsets from now on.
+
+        Where the axis was measured, force per acceleration and lead are fed forward as they are.
+        """
+        own = design.figures
+        if own.measured is not None:
+            mass, delay = self._file
+            is_off = abs(own.carriage.mass / mass - 1.0) > MEASURED
+            self._mass, self._delay = own.carriage.mass if is_off else mass, delay + own.lead
         self._errors = FeedforwardErrors(design, self._mass)
 
     def forget(self) -> None:
         """Feed forward what the machine file says, and learn no more: the observer is out."""
         self._learned, self._errors = LearnedFeedforward(), None
+        self._mass, self._delay = self._file
 
     def learn(self, course: Course) -> None:
         """Correct what is fed forward by what a move lacked; does nothing without an observer."""
