@@ -115,8 +115,7 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
                 name: read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
-                for name in axes
-                if f"cycle/extra/{name}" in file
+                for name in (axes if len(file.get("cycle/extra", ())) else ())  # all or none
             },
         )
 
