@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -183,9 +184,6 @@ def command(
     from stagectl.run import RunRequest
     from stagectl.sequencer.compensation.mode import Mode
 
-    given = None
-    if observer and not dry_run:
-        given = _measurement(measurement, machine, believed, truth, resume)
     request = RunRequest(
         recipe=loaded,
         machine=believed,
@@ -204,13 +202,18 @@ def command(
         operator=operator or (resumed.operator if resumed else None),
         comment=comment or (resumed.comment if resumed else None),
         observer=observer,
-        measurement=given,
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)
     if dry_run:
         _dry_run(request, json_out)
     else:
+        if observer:
+            from stagectl.run import check
+
+            check(request)  # before the virtual stage is measured, which takes a second
+            given = _measurement(measurement, machine, believed, truth, resume)
+            request = replace(request, measurement=given)
         _run(request, json_out)
 
 
@@ -232,6 +235,9 @@ def _measurement(
 
     if given is not None:
         return load_measurement(given)
+    recorded = None if resume is None else recorded_measurement(resume)
+    if truth is not None and recorded is not None:
+        return recorded
     if truth is not None:
         try:
             with compiled_by_two(believed, truth, lambda _: None):
@@ -242,13 +248,11 @@ def _measurement(
     beside = response_path(believed, machine)
     if beside.exists():
         return load_measurement(beside)
-    return None if resume is None else recorded_measurement(resume)
+    return recorded
 
 
 def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:
     """The run with as many due calibration sites inserted as the budget allows."""
-    from dataclasses import replace
-
     from stagectl.calibration import due_now, insert_sites, load_calibration
 
     if request.history is None:
