@@ -18,6 +18,8 @@ STUCK = 0.3
 """Usual uncertainty of a response, over its size, above which there is none."""
 _PASSES = 3
 """Each response frees the other's lines from itself; they converge by the rounding's share."""
+SHOWS = 0.1
+"""Forces show on lines where the response is above this share of its maximum."""
 _NEIGHBOURS = 5
 """Lines either side over which the scatter is averaged: periods alone are too few."""
 
@@ -79,10 +81,10 @@ def evaluate(
         period: Ts [s].
     """
     count, rows = position.shape
-    y, r, f = (np.fft.rfft(signal, axis=1) for signal in (position, demand, offset))
-    scatter = np.abs(y - y.mean(axis=0)) ** 2
+    each = [np.fft.rfft(signal, axis=1) for signal in (position, demand, offset)]
+    y, r, f = (spectra.mean(axis=0) for spectra in each)
+    scatter = np.abs(each[0] - y) ** 2
     noise = np.sqrt(scatter.sum(axis=0) / (2.0 * (count - 1) * count))
-    y, r, f = y.mean(axis=0), r.mean(axis=0), f.mean(axis=0)
     mine, others, nobodys = lines
     at, other_at = mine / (rows * period), others / (rows * period)
     to_offset = y[mine] / f[mine]
@@ -91,11 +93,9 @@ def evaluate(
         to_demand = (y[others] - between(other_at, at, to_offset) * f[others]) / r[others]
         to_offset = (y[mine] - between(at, other_at, to_demand) * r[mine]) / f[mine]
     empty_at = nobodys / (rows * period)
-    by_force = between(empty_at, at, to_offset)
-    left = y[nobodys] - by_force * f[nobodys]
-    left -= between(empty_at, other_at, to_demand) * r[nobodys]
-    power = (np.abs(left) ** 2 - 2.0 * noise[nobodys] ** 2).sum() / (np.abs(by_force) ** 2).sum()
-    distortion = math.sqrt(max(float(power), 0.0) / rows)
+    by_force, by_demand = between(empty_at, at, to_offset), between(empty_at, other_at, to_demand)
+    left = each[0][:, nobodys] - by_force * each[2][:, nobodys] - by_demand * each[1][:, nobodys]
+    distortion = _distortion(left / by_force, np.abs(by_force)) / math.sqrt(rows)
     per_line = distortion * math.sqrt(rows / 2.0)
     on_others = np.abs(between(other_at, at, to_offset)) * per_line
     return FrequencyResponse(
@@ -107,6 +107,19 @@ def evaluate(
         np.hypot(_smooth(noise[others]), on_others) / np.abs(r[others]),
         distortion,
     )
+
+
+def _distortion(force: C128, shows: F64) -> float:
+    """What repeats itself from period to period, spread over all lines: steps, not a vibration.
+
+    Args:
+        force: on lines of nobody, each period, (P, E) [N].
+        shows: how much position a force makes there, (E,).
+    """
+    used = shows > SHOWS * shows.max()
+    common = (force[1:, used] * force[:-1, used].conj()).real.mean(axis=0)
+    # half of the lines are below ln 2 of the mean where all have the same power
+    return math.sqrt(max(float(np.median(common)) / math.log(2.0), 0.0))
 
 
 def _smooth(noise: F64) -> F64:

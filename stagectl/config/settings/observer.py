@@ -28,7 +28,7 @@ LIMIT = 0.5
 """Largest correction, over the rated force."""
 LEAST_TIME = 1e-4
 """Shorter measured times count for none [s]."""
-COARSER = 2.0
+COARSER = 3.0
 """Steps of force offsets are noticed from so many of the units in which they are sent."""
 COARSE = 0.02
 """Steps above this share of the Coulomb force are no use: sticking friction holds more than it."""
@@ -116,7 +116,8 @@ def offset_step(axis: Axis, response: AxisResponse) -> float | None:
 
     Rounding to steps adds a force of step / sqrt(12) rms, which shows on lines that nobody shakes.
     """
-    step = math.sqrt(12.0) * max(state.distortion for state in response)
+    states = (response.sliding,) if response.sticks else response
+    step = math.sqrt(12.0) * min(state.distortion for state in states)
     return step if step > COARSER * axis.drive.force_unit else None
 
 
