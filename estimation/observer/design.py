@@ -160,23 +160,15 @@ def design_observer(figures: AxisFigures) -> Design:
 
     Gain and assumed stiffness are chosen together. The peak is at most `PEAK`, or `PEAK_OVER_DRIVE`
     times that of the drive alone, with figures that are off and for all `LATENCIES`. Where the
-    drive alone would be unstable, nothing is asked. By a measured response, the loop keeps these
-    peaks too, and a gain margin of `GAIN_MARGIN`.
+    drive alone would be unstable, nothing is asked. Where the response was measured, it decides
+    instead of the figures, and a gain margin of `GAIN_MARGIN` is kept as well.
     """
-    demands = []
-    for carriage in carriages(figures):
-        maps = period_maps(figures.drive, carriage, figures.period)
-        own = peak_sensitivity(drive_alone(maps), figures.period)
-        demands.append((maps, max(PEAK, PEAK_OVER_DRIVE * own)))
-
-    def keeps_peaks(model: ObserverModel, gain: float) -> bool:
-        return all(
-            peak_sensitivity(with_observer(maps, model, gain, latency), figures.period) <= most
-            for maps, most in demands
-            if most < float("inf")
-            for latency in LATENCIES
-        ) and (figures.measured is None or _keeps_margins(figures.measured, model, gain))
-
+    measured = figures.measured
+    keeps_peaks = (
+        _peaks_by_figures(figures)
+        if measured is None
+        else lambda model, gain: _keeps_margins(measured, model, gain)
+    )
     best: Design | None = None
     for share in ASSUMED if figures.carriage.stiffness else (0.0,):
         assumed = replace(figures.carriage, stiffness=share * figures.carriage.stiffness)
@@ -189,6 +181,25 @@ def design_observer(figures: AxisFigures) -> Design:
     if best is None:
         raise ValueError("no stiffness to assume")
     return best
+
+
+def _peaks_by_figures(figures: AxisFigures) -> Callable[[ObserverModel, float], bool]:
+    """Whether an observer of a gain keeps the peaks, by figures and how far off they may be."""
+    demands = []
+    for carriage in carriages(figures):
+        maps = period_maps(figures.drive, carriage, figures.period)
+        own = peak_sensitivity(drive_alone(maps), figures.period)
+        demands.append((maps, max(PEAK, PEAK_OVER_DRIVE * own)))
+
+    def keeps(model: ObserverModel, gain: float) -> bool:
+        return all(
+            peak_sensitivity(with_observer(maps, model, gain, latency), figures.period) <= most
+            for maps, most in demands
+            if most < float("inf")
+            for latency in LATENCIES
+        )
+
+    return keeps
 
 
 def _keeps_margins(measured: MeasuredLoop, model: ObserverModel, gain: float) -> bool:

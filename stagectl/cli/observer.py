@@ -262,8 +262,9 @@ def _table(designs: dict[str, Design | str], name: str, measurement: Measurement
     add("peak sensitivity: drive alone", peak, "drive_alone", form=".2f")
     add("  offset 1 SYNC after the sample", peak, "latency_1", form=".2f")
     add("  offset 2 SYNCs after the sample", peak, "latency_2", form=".2f")
-    add("  worst, with figures off", peak, "worst", form=".2f")
-    if measurement is not None:
+    if measurement is None:
+        add("  worst, with figures off", peak, "worst", form=".2f")
+    else:
         add("  worst, by the measured response", "measured", "peak", form=".2f")
         add("gain margin by the measured response", "measured", "gain", form=".2f")
     return table
