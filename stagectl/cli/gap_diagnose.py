@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.console import console_for, join_phases, progress_bar
-from stagectl.cli.file_kinds import HTML, MACHINE_FILE, RECIPE_FILE
-from stagectl.cli.files import Output
+from stagectl.cli.file_kinds import HTML, JSON, MACHINE_FILE, RECIPE_FILE
+from stagectl.cli.files import Output, check_output
 from stagectl.cli.gap_measure import gap_table, machine_of
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
@@ -176,6 +176,22 @@ def diagnose(
         write_atomically(next_out, _recipe(report.next_experiment), "recipe")
     if twin is not None and has_twin:
         _write_twin(twin, model, found, examined.settings)
+        _keep_measurement(twin, recordings)
+
+
+def _keep_measurement(twin: Path, recordings: Sequence[Path]) -> None:
+    """Put the measurement of a real stage beside its twin: it is on the same drives."""
+    from stagectl.measurement import SUFFIX
+    from stagectl.run import recorded_measurement
+    from stagectl.store import write_atomically
+
+    for path in recordings:
+        measurement = recorded_measurement(path)
+        if measurement is not None and measurement.measured is not None:
+            beside = twin.with_suffix(SUFFIX)
+            check_output(beside, JSON)
+            write_atomically(beside, measurement.as_text(), "measurement")
+            return
 
 
 def _similarity(found: Diagnosis) -> dict[str, Pairs]:

@@ -229,13 +229,14 @@ def _measurement(
     from stagectl.measurement import load_measurement, measure_virtual_stage, response_path
     from stagectl.run import recorded_measurement
     from stagectl.run.compilation import compiled_by_two
+    from stagectl.store import RECORDING_NAME
 
     def announce(text: str) -> None:
         click.echo(text, err=True)
 
     if given is not None:
         return load_measurement(given)
-    recorded = None if resume is None else recorded_measurement(resume)
+    recorded = None if resume is None else recorded_measurement(resume / RECORDING_NAME)
     if truth is not None and recorded is not None:
         return recorded
     if truth is not None:

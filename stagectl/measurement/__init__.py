@@ -5,6 +5,7 @@
 """
 
 from stagectl.measurement.document import (
+    SUFFIX,
     Identity,
     MeasuredAxis,
     Measurement,
@@ -18,6 +19,7 @@ from stagectl.measurement.procedure import identify, measure_on_bus, measure_sta
 from stagectl.measurement.simulated import measure_simulated, measure_virtual_stage
 
 __all__ = [
+    "SUFFIX",
     "AxisBounds",
     "AxisFindings",
     "Experiment",

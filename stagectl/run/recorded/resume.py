@@ -61,16 +61,15 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
     return _with_verdicts(resumed, path, recipe)
 
 
-def recorded_measurement(folder: Path) -> Measurement | None:
+def recorded_measurement(path: Path) -> Measurement | None:
     """The measurement of the stage that a recorded run had; None where it had none.
 
     Args:
-        folder: of the run, as `load_interrupted` left it.
+        path: of its recording.
 
     Raises:
         UnusableInput: the recording cannot be read, or its measurement is damaged.
     """
-    path = folder / RECORDING_NAME
     run = next((e for e in read_notes(path).events if e.get("event") == "run"), {})
     text = run.get("measurement")
     return None if text is None else parse_measurement(str(text), f"{path}: measurement")

@@ -13,10 +13,11 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from sim2real.report import FigureChange, GapReport
-from stagectl.cli.gap_diagnose import diagnose, print_report
+from stagectl.cli.gap_diagnose import _keep_measurement, diagnose, print_report
 from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
+from stagectl.measurement import Measurement, measure_virtual_stage
 from tests.unit.sim2real.other_machines import TOOL
 
 DATA = Path(__file__).parents[3] / "data"
@@ -242,3 +243,14 @@ def test_changed_and_kept_figures_are_listed():
     lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
     assert "figure x: mass 8.00000 → 7.99997 ± 0.00028 kg: known" in lines
     assert "warning y: mass stays 14.00 kg, fitted 13.79: at its bound" in lines
+
+
+def test_a_twin_keeps_the_measurement_of_the_real_stage(go, machine, sites, tmp_path):
+    """It is on the same drives; that of a virtual stage is made again where it is needed."""
+    virtual = measure_virtual_stage(machine, machine)
+    real = Measurement("2026-01-01T00:00:00+00:00", virtual.machine, virtual.axes)
+    for name, measurement in (("virtual", virtual), ("real", real)):
+        go(sites, name, measurement=measurement)
+        _keep_measurement(tmp_path / f"{name}.yaml", [tmp_path / name / "recording.h5"])
+    assert not (tmp_path / "virtual.response.json").exists()
+    assert (tmp_path / "real.response.json").read_text() == real.as_text()
