@@ -10,6 +10,7 @@ import can
 import pytest
 
 from stagectl.cli.file_kinds import FRAME_LOG
+from tests.signals import as_in_a_terminal
 from tests.unit.stagectl.cli.conftest import enabled
 
 WAIT = 60.0
@@ -21,10 +22,9 @@ LAST_MAPPING = bytes((0x03, 0x1A, 2))
 def monitored(call, served_drives):
     """The monitor's output, while a bus end talks to the drives, then Ctrl-C."""
     where = f"{served_drives['interface']}:{served_drives['channel']}"
-    before = signal.getsignal(signal.SIGINT)
 
     def go(talk, *options):
-        with can.Bus(**served_drives) as bus:
+        with as_in_a_terminal(), can.Bus(**served_drives) as bus:
 
             def other():
                 while (message := bus.recv(WAIT)) is not None:
@@ -39,7 +39,6 @@ def monitored(call, served_drives):
                 failure, out, err = call("monitor", "--bus", where, *options)
             finally:
                 thread.join()
-                signal.signal(signal.SIGINT, before)
         return failure, [re.sub(r"^ *[\d.]+ +", "", line) for line in out.splitlines()], err
 
     return go
