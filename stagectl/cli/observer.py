@@ -82,8 +82,6 @@ def command(
         raise click.UsageError("--measurement is for a design without --measure")
     if not measure and (out is not None or yes or simulate is not None or bus is not None):
         raise click.UsageError("--out, --yes, --simulate and --bus need --measure")
-    if not measure and html_out is not None and measurement is None:
-        measurement = response_path(load_machines(machine, None, None, moves=False)[0], machine)
     stage, truth = load_machines(machine, simulate, bus, moves=measure)
     used: Measurement | None = None
     if measure:
@@ -103,6 +101,8 @@ def command(
     else:
         beside = response_path(stage, machine)
         used = load_measurement(beside) if beside.exists() else None
+    if html_out is not None and used is None:
+        raise click.UsageError("--html draws a measurement: use --measure, or --measurement")
     _show(stage, used, friction_scale, html_out, json_out)
 
 

@@ -33,6 +33,15 @@ class Identity:
     revision: int | None = None
     serial: int | None = None
 
+    def difference(self, now: Identity) -> str | None:
+        """What is another now, in words; None where nothing is."""
+        changed = [
+            f"{name} {getattr(now, name)}, was {getattr(self, name)}"
+            for name in ("vendor", "product", "revision", "serial")
+            if getattr(now, name) != getattr(self, name)
+        ]
+        return ", ".join(changed) or None
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredAxis:

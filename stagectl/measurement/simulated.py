@@ -20,6 +20,8 @@ from stagectl.measurement.document import Measurement, parse_measurement
 from stagectl.measurement.procedure import measure_stage, refused_as_fault
 
 SEED = 1
+KEPT = 100
+"""Responses that are kept, the latest; each takes some 80 kB."""
 _PACKAGES = ("drivers", "estimation", "hil_sim", "stagectl", "stagedata")
 
 
@@ -44,7 +46,7 @@ def measure_virtual_stage(
     if text is None:
         announce("measuring the virtual stage for the observer, once")
         text = measure_simulated(machine, truth, SEED).as_text()
-        _keep(kept, text)
+        keep(kept, text)
     return parse_measurement(text, "measurement of the virtual stage")
 
 
@@ -100,10 +102,13 @@ def _program() -> str:
     return hashlib.sha256("\n".join(stamps).encode()).hexdigest()
 
 
-def _keep(path: Path, text: str) -> None:
+def keep(path: Path, text: str) -> None:
     """Keep a text for the next time; where there is no room or permission it is made again."""
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as part:
             part.write(text)
         Path(part.name).replace(path)
+        kept = sorted(path.parent.glob("*.json"), key=lambda file: file.stat().st_mtime_ns)
+        for old in kept[:-KEPT]:
+            old.unlink(missing_ok=True)

@@ -23,7 +23,8 @@ _SUFFIX = ".observer-out.json"
 def describe(axis: str, found: Finding) -> str:
     """A finding in one line, with what to do."""
     deviation, when = _length(found.rms), f"{found.time:.3f} s"
-    wave = f"an oscillation of {found.frequency:.0f} Hz ({deviation} rms)"
+    pitch = f" of {found.frequency:.0f} Hz" if found.frequency >= 0.5 else ""
+    wave = f"an oscillation{pitch} ({deviation} rms)"
     match found.kind:
         case Kind.FED:
             why = f"the observer fed {wave}: the stage is not as believed"

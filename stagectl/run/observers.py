@@ -62,7 +62,11 @@ class Observers:
             objection = self._measurement.objection(
                 name, axis, self._machine.bus.sync_period, self._simulated
             )
-            found[name] = objection or self._measurement.axes[name].response
+            found[name] = (
+                self._measurement.axes[name].response
+                if objection is None
+                else f"{objection}; {MEASURE}"
+            )
         return found
 
     def _doubt_other_drives(self, stage: Stage) -> None:
@@ -72,8 +76,9 @@ class Observers:
             return
         for name, now in identify(stage).items():
             then = measured.axes[name].identity if name in measured.axes else None
-            if then is not None and then != now and isinstance(self._designs[name], Design):
-                self._designs[name] = f"measured with another drive ({then}, now {now}); {MEASURE}"
+            other = None if then is None else then.difference(now)
+            if other is not None and isinstance(self._designs[name], Design):
+                self._designs[name] = f"measured with another drive: {other}; {MEASURE}"
 
     def attach(self, stage: Stage, record: RunRecord) -> None:
         """Have the force offsets of the enabled stage corrected; the record says of which axes.

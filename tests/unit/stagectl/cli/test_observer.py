@@ -73,7 +73,13 @@ def test_without_a_measurement_the_file_is_designed_from_and_that_is_said(files)
 
 
 @pytest.mark.parametrize(
-    "options", [("--yes",), ("--out", "a.json"), ("--measure", "--measurement", "a.json")]
+    "options",
+    [
+        ("--yes",),
+        ("--out", "a.json"),
+        ("--html", "a.html"),
+        ("--measure", "--measurement", "a.json"),
+    ],
 )
 def test_options_that_do_not_go_together(files, options):
     assert call("observer", "--machine", "m.yaml", *options).exit_code == 2

@@ -1,5 +1,7 @@
 """The measurement of virtual stages, through CAN frames."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,15 @@ def test_it_is_kept_by_all_that_it_depends_on(machine, monkeypatch, tmp_path):
     heavier = with_axis(machine, rotary=False, effects=(Effect("payload_mass", {"mass": 2.0}),))
     assert measure_virtual_stage(machine, heavier).as_text() != cold.as_text()
     assert len(made) == 2
+
+
+def test_only_the_latest_are_kept(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "KEPT", 2)
+    for number in range(4):
+        module.keep(tmp_path / f"{number}.json", "text")
+        os.utime(tmp_path / f"{number}.json", ns=(number, number))
+    module.keep(tmp_path / "4.json", "text")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["3.json", "4.json"]
 
 
 def test_the_file_holds_all_of_it(as_modelled):

@@ -5,7 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stagectl.measurement import measure_virtual_stage
+from stagectl.measurement import (
+    Identity,
+    MeasuredAxis,
+    Measurement,
+    measure_virtual_stage,
+)
 from stagectl.run.observers import Observers
 from stagectl.sequencer import Mode, make_compensation
 
@@ -99,3 +104,35 @@ def test_an_axis_that_is_out_since_an_earlier_run_goes_without(machine, compensa
     Observers(machine, compensation, measured, simulated=True, out=out).attach(stage, record)
     assert record.is_on == (True, False)
     assert record.designs["y"] == "out since then"
+
+
+def test_a_void_measurement_is_said_with_what_to_do(machine, compensation, measured):
+    real = Measurement("2026-01-01T00:00:00+00:00", measured.machine, measured.axes, "m.json")
+    x = machine.axes["x"]
+    pid = x.drive.pid.model_copy(update={"kp": 300e3})
+    other = x.model_copy(update={"drive": x.drive.model_copy(update={"pid": pid})})
+    changed = machine.model_copy(update={"axes": {**machine.axes, "x": other}})
+    (said,) = Observers(changed, compensation, real, simulated=False).without()
+    assert said == (
+        "axis x: no observer: drive.pid.kp is 300000; it was measured with 341000; "
+        "measure with: stagectl observer --measure"
+    )
+
+
+def test_another_drive_is_said(machine, compensation, measured):
+    """One that was measured as serial 5, in a stage whose drives state none."""
+    axes = {
+        name: MeasuredAxis(Identity(1, 2, 3, 5), axis.settings, axis.response)
+        for name, axis in measured.axes.items()
+    }
+    real = Measurement("2026-01-01T00:00:00+00:00", measured.machine, axes, "m.json")
+    stage, record = Enabled(machine), Noted()
+    for axis in stage.axes:
+        axis.name = "x" if axis is stage.axes[0] else "y"
+        axis.node = SimpleNamespace(read=lambda entry: {1: 1, 2: 2, 3: 3, 4: 7}[entry.sub])
+    observers = Observers(machine, compensation, real, simulated=False)
+    assert observers.without() == []
+    observers.attach(stage, record)
+    assert record.is_on == (False, False)
+    (said,) = observers.without()
+    assert said.startswith("axes x, y: no observer: measured with another drive: serial 7, was 5;")
