@@ -41,7 +41,7 @@ _THINNED = 8
 """One line in so many is enough for a start."""
 _TRIED = 100
 """Frequencies at which a resonance is tried first."""
-_SCALED = ("mass", "kp", "ki", "kd")
+_SCALED = ("mass", "kp", "ki", "kd", "derivative_time")
 _ADDED = ("dead_time", "lateness", "age", "smoothing", "viscous", "stiffness", "loss")
 _BOUNDED = [_ADDED.index("dead_time"), _ADDED.index("smoothing")]
 _MODE = ("resonance", "damping", "share")
@@ -53,8 +53,9 @@ class Fitted:
 
     Attributes:
         figures: of the axis.
-        sigma: 1 sigma by name of a figure, in its unit; relative for mass, kp, ki and kd. Of
-            resonance k: `resonance_k` [Hz], `damping_k` (relative), `share_k`. Age and smoothing
+        sigma: 1 sigma by name of a figure, in its unit; relative for mass, gains and derivative
+            time, which are left out where they are believed to be 0. Of resonance k:
+            `resonance_k` [Hz], `damping_k` (relative), `share_k`. Age and smoothing
             can hardly be told apart; `position_delay` is of their sum [s].
         misfit: rms of the weighed residuals; about 1 or less where the closed form holds.
     """
@@ -108,6 +109,7 @@ class _State(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class _Solution:
     figures: Figures
+    scaled: tuple[str, ...]
     deviation: F64
     delay_deviation: float
     cost: float
@@ -126,7 +128,7 @@ class _Solution:
 
     def result(self) -> Fitted:
         modes = self.figures.resonances
-        names = (*_SCALED, *_ADDED, *(f"{n}_{k}" for k in range(len(modes)) for n in _MODE))
+        names = (*self.scaled, *_ADDED, *(f"{n}_{k}" for k in range(len(modes)) for n in _MODE))
         sigma = dict(zip(names, self.deviation.tolist(), strict=True))
         for k, mode in enumerate(modes):
             sigma[f"resonance_{k}"] *= mode.frequency
@@ -137,6 +139,7 @@ class _Solution:
 class _Problem:
     def __init__(self, response: AxisResponse, clocking: Clocking, believed: Figures) -> None:
         self._period, self._believed = clocking.period, believed
+        self._scaled = tuple(name for name in _SCALED if getattr(believed, name) > 0.0)
         self._states = _states(response, clocking, 1)
         self._coarse = _states(response, clocking, _THINNED)
         hard = believed.kp + believed.stiffness
@@ -214,13 +217,15 @@ class _Problem:
         spread = max(1.0, 2.0 * cost / max(1, len(residuals) - len(found.x)))
         inverse = np.linalg.pinv(found.jac.T @ found.jac)
         deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0) * spread)
-        deviation[len(_SCALED) : len(_SCALED) + len(_ADDED)] *= self._units
-        both = len(_SCALED) + np.array([_ADDED.index("age"), _ADDED.index("smoothing")])
+        deviation[len(self._scaled) : len(self._scaled) + len(_ADDED)] *= self._units
+        both = len(self._scaled) + np.array([_ADDED.index("age"), _ADDED.index("smoothing")])
         way = np.array([1.0, math.copysign(1.0, found.x[both[1]])])  # smoothing is |x|
         variance = float(way @ inverse[np.ix_(both, both)] @ way)
         delay = math.sqrt(max(variance, 0.0) * spread)
         delay *= float(self._units[_ADDED.index("age")])
-        return _Solution(self._figures(found.x, start), deviation, delay, cost, residuals)
+        return _Solution(
+            self._figures(found.x, start), self._scaled, deviation, delay, cost, residuals
+        )
 
     def with_modes(self, best: _Solution, start: Figures) -> _Solution:
         """A solution from a start, with the resonances that earn their place."""
@@ -273,7 +278,8 @@ class _Problem:
 
     def _vector(self, figures: Figures) -> F64:
         scaled = [
-            math.log(getattr(figures, name) / getattr(self._believed, name)) for name in _SCALED
+            math.log(getattr(figures, name) / getattr(self._believed, name))
+            for name in self._scaled
         ]
         added = np.array([getattr(figures, name) for name in _ADDED]) / self._units
         modes = [
@@ -284,10 +290,11 @@ class _Problem:
         return np.array([*scaled, *added, *modes])
 
     def _figures(self, vector: F64, like: Figures) -> Figures:
-        scaled, added, modes = np.split(vector, (len(_SCALED), len(_SCALED) + len(_ADDED)))
+        first = len(self._scaled)
+        scaled, added, modes = np.split(vector, (first, first + len(_ADDED)))
         values = {
             name: getattr(self._believed, name) * math.exp(min(max(value, -5.0), 5.0))
-            for name, value in zip(_SCALED, scaled.tolist(), strict=True)
+            for name, value in zip(self._scaled, scaled.tolist(), strict=True)
         }
         least = self._least[_BOUNDED]
         added[_BOUNDED] = least + np.abs(added[_BOUNDED] - least)

@@ -41,6 +41,7 @@ class Figures(NamedTuple):
     Attributes:
         mass: force offset per acceleration [kg].
         kp, ki, kd: gains [N/m, N/(m s), N s/m].
+        derivative_time: of the derivative's low-pass [s].
         dead_time: inside the drive's loop, besides its current loop [s].
         lateness: of force offsets, besides it and the ramp of a period [s].
         age: of a sampled position [s].
@@ -55,6 +56,7 @@ class Figures(NamedTuple):
     kp: float
     ki: float
     kd: float
+    derivative_time: float
     dead_time: float = 0.0
     lateness: float = 0.0
     age: float = 0.0
@@ -72,14 +74,12 @@ class Clocking(NamedTuple):
     Attributes:
         period: Ts [s].
         control_period: Tc [s].
-        derivative_time: of the derivative's low-pass [s].
         current_bandwidth: of the current loop [Hz].
         interpolates: whether setpoints are ramped over a SYNC period.
     """
 
     period: float
     control_period: float
-    derivative_time: float
     current_bandwidth: float
     interpolates: bool = True
 
@@ -98,8 +98,7 @@ class Lines:
         tc = clocking.control_period
         ticks = round(clocking.period / tc)
         back = np.exp(-self.s * tc)
-        low_pass = tc / (clocking.derivative_time + tc)
-        self.derivative = low_pass / tc * (1.0 - back) / (1.0 - (1.0 - low_pass) * back)
+        self._back, self._tick = back, tc
         self.integral = tc * back / (1.0 - back)
         self.motor = (
             (1.0 - back)
@@ -117,7 +116,9 @@ class Lines:
         """Responses to force offsets [m/N] and to target positions, (L,) each."""
         s = self.s
         plant = compliance(s, figures, slides) * self.motor * np.exp(-s * figures.dead_time)
-        law = figures.kp + figures.ki * self.integral + figures.kd * self.derivative
+        low_pass = self._tick / (figures.derivative_time + self._tick)
+        slope = low_pass / self._tick * (1.0 - self._back) / (1.0 - (1.0 - low_pass) * self._back)
+        law = figures.kp + figures.ki * self.integral + figures.kd * slope
         read = np.exp(-s * figures.age) / (1.0 + s * figures.smoothing)
         closed = plant / (1.0 + plant * law) * self.hold * read
         offset = figures.sign * closed * np.exp(-s * figures.lateness)

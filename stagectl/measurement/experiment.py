@@ -6,6 +6,7 @@ braked; what a drive reports is handled as in any other motion.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,8 @@ SPEED = 5e-3
 """While sliding [m/s]."""
 PEAK_SPEED = 3.0
 """Speed allowed, over that while sliding: a badly damped axis swings."""
+SPAN = 10
+"""SYNCs over which speed is taken: one that is missed is no jump."""
 FORCE = 0.5
 """Motor force allowed, over the drive's peak force."""
 ERROR = 0.5
@@ -244,7 +247,7 @@ class Experiment:
             moved = self._start[column] + path[:, k]
             at = np.arange(len(path))
             seen = np.interp(at, at[valid], samples.position[valid, column])
-            position.append((seen - moved)[rows])
+            position.append(_without_drift((seen - moved)[rows]))
             demand.append((samples.position_demand[:, column] - moved)[rows])
             offset.append(samples.force_offset[rows, column])
         return evaluate(
@@ -254,6 +257,15 @@ class Experiment:
             (excitation.offset_lines[k], excitation.demand_lines[k], excitation.empty_lines),
             self._period,
         )
+
+
+def _without_drift(periods: F64) -> F64:
+    """Periods (P, N) without the slope from one to the next, which a slow integrator leaves."""
+    length = periods.shape[1]
+    slope = float(np.mean(periods[-1] - periods[0])) / (len(periods) - 1) / length
+    rows = np.arange(periods.size).reshape(periods.shape)
+    drifted: F64 = periods - slope * (rows - rows.mean())
+    return drifted
 
 
 def _excitation(axes: Sequence[Axis], share: float, period: float) -> Excitation:
@@ -284,7 +296,7 @@ class _Watch:
         self._limits = list(zip(columns, bounds, strict=True))
         self._stop, self._stopped = stop, False
         self._progress, self._rows, self._done = progress, duration / period, 0
-        self._before: tuple[float, ...] | None = None
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=SPAN)
         self._exceeded: str | None = None
 
     def stream(self, demand: F64, offset: F64) -> Samples:
@@ -298,13 +310,14 @@ class _Watch:
 
         def exceeds(position: tuple[float, ...]) -> bool:
             nonlocal row
-            before, self._before = self._before, position
+            before = self._recent[0] if len(self._recent) == SPAN else position
+            self._recent.append(position)
             target, row = demand[row], row + 1
             force = self._stage.forces
             for column, limit in self._limits:
                 error = abs(position[column] - target[column])
-                speed = 0.0 if before is None else abs(position[column] - before[column])
-                self._exceeded = _reason(limit, error, speed / self._period, abs(force[column]))
+                speed = abs(position[column] - before[column]) / (SPAN * self._period)
+                self._exceeded = _reason(limit, error, speed, abs(force[column]))
                 if self._exceeded is not None:
                     return True
             if self._stop():

@@ -85,6 +85,11 @@ def _force(fitted: Fitted, believed: Figures) -> Iterator[str]:
 
 
 def _law(fitted: Fitted, believed: Figures) -> Iterator[str]:
+    smoothed = believed.derivative_time
+    if smoothed > 0.0 and _differs(
+        fitted.figures.derivative_time / smoothed, fitted.sigma["derivative_time"]
+    ):
+        yield f"derivative_time is {fitted.figures.derivative_time / smoothed:.3g} of the file's"
     ratios = {
         name: getattr(fitted.figures, name) / getattr(believed, name)
         for name in ("kp", "ki", "kd")

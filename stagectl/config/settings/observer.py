@@ -71,9 +71,7 @@ def clocking(drive: Drive, period: float) -> Clocking:
     """The fixed figures of a drive with a PID position loop."""
     if drive.pid is None:
         raise ValueError("the drive's loops are a cascade")
-    return Clocking(
-        period, drive.control_period, drive.pid.derivative_time, drive.current_bandwidth
-    )
+    return Clocking(period, drive.control_period, drive.current_bandwidth)
 
 
 def believed_figures(axis: Axis, friction: FrictionFigures) -> Figures:
@@ -94,6 +92,7 @@ def believed_figures(axis: Axis, friction: FrictionFigures) -> Figures:
         kp=own.drive.kp,
         ki=own.drive.ki,
         kd=own.drive.kd,
+        derivative_time=own.drive.derivative_time,
         dead_time=own.drive.delay,
         viscous=carriage.viscous / ratio,
         stiffness=carriage.stiffness / ratio,
@@ -140,7 +139,12 @@ def _as_measured(
     return replace(
         figures,
         drive=replace(
-            figures.drive, kp=shown.kp, ki=shown.ki, kd=shown.kd, delay=max(shown.dead_time, 0.0)
+            figures.drive,
+            kp=shown.kp,
+            ki=shown.ki,
+            kd=shown.kd,
+            derivative_time=shown.derivative_time,
+            delay=max(shown.dead_time, 0.0),
         ),
         carriage=Carriage(
             shown.mass,

@@ -12,7 +12,7 @@ from estimation.response import AxisResponse, Clocking, FrequencyResponse, Lines
 
 PERIOD = 1e-3
 DRIVE = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 1e-4)
-CLOCKING = Clocking(PERIOD, 1e-4, 8.842e-4, 1500.0)
+CLOCKING = Clocking(PERIOD, 1e-4, 1500.0)
 CARRIAGE = Carriage(8.0, 6e5, 20.0)
 
 
@@ -78,7 +78,7 @@ def test_the_closed_form_is_the_matrices_response():
     from estimation.response import Figures
 
     exact = response(6e5)
-    figures = Figures(8.0, 341e3, 16.07e6, 2714.0, stiffness=6e5, loss=20.0)
+    figures = Figures(8.0, 341e3, 16.07e6, 2714.0, 8.842e-4, stiffness=6e5, loss=20.0)
     offset, demand = Lines(exact.offset_at, CLOCKING).responses(figures, slides=False)
     assert np.abs(offset / exact.offset - 1.0).max() < 0.03
     assert np.abs(demand / exact.demand - 1.0).max() < 0.03

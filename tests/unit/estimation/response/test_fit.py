@@ -22,8 +22,8 @@ from estimation.response.excitation import Shaken
 PERIOD = 1e-3
 DRIVE = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 1e-4)
 CARRIAGE = Carriage(8.0, 6e5, 20.0)
-CLOCKING = Clocking(PERIOD, 1e-4, 8.842e-4, 1500.0)
-BELIEVED = Figures(8.0, 341e3, 16.07e6, 2714.0, viscous=20.0, stiffness=6e5)
+CLOCKING = Clocking(PERIOD, 1e-4, 1500.0)
+BELIEVED = Figures(8.0, 341e3, 16.07e6, 2714.0, 8.842e-4, viscous=20.0, stiffness=6e5)
 SHAKEN = Shaken(0.6, 341e3, 16.07e6, 2714.0, 8.842e-4)
 
 
@@ -135,3 +135,25 @@ def test_the_signals_share_no_line_and_keep_their_peak():
     lines = [*excitation.offset_lines, *excitation.demand_lines, excitation.empty_lines]
     assert len(np.unique(np.concatenate(lines))) == sum(len(of) for of in lines)
     assert np.abs(excitation.offset).max() == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("factor", [0.1, 2.0])
+def test_a_derivative_that_is_smoothed_otherwise_is_no_other_cause(factor):
+    """It was taken for kp, dead time and mass."""
+    drive = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4 * factor, 1500.0, 1e-4)
+    figures = found(drive).figures
+    assert figures.derivative_time == pytest.approx(8.842e-4 * factor, rel=0.05)
+    assert figures.kp == pytest.approx(341e3, rel=0.03)
+    assert figures.mass == pytest.approx(8.0, rel=0.03)
+    assert abs(figures.dead_time) < 6e-5
+
+
+def test_a_drive_without_integrator_and_smoothing():
+    drive = DriveLoop(341e3, 0.0, 2714.0, 0.0, 1500.0, 1e-4)
+    rest = simulated(drive, CARRIAGE, seed=1)
+    sliding = simulated(drive, CARRIAGE, slides=True, seed=2)
+    believed = BELIEVED._replace(ki=0.0, derivative_time=0.0)
+    fitted = fit(AxisResponse(rest, sliding), CLOCKING, believed)
+    assert fitted.figures.kp == pytest.approx(341e3, rel=0.03)
+    assert fitted.figures.ki == fitted.figures.derivative_time == 0.0
+    assert "ki" not in fitted.sigma

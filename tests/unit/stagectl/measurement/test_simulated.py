@@ -190,3 +190,34 @@ def test_no_room_to_slide(machine, enabled):
     narrow = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
     with pytest.raises(UnusableInput, match=r"axes\.x\.travel: the measurement slides by 31\.7 mm"):
         measure_stage(enabled(machine), narrow)
+
+
+def test_a_slow_integrator_is_no_step_of_the_offset(machine):
+    """What it leaves drifts through all periods alike."""
+    x = machine.axes["x"].drive
+    slow = with_drive(machine, pid=x.pid.model_copy(update={"ki": 0.01 * x.pid.ki}))
+    found = said(machine, measure_simulated(machine, slow, 1))
+    assert found.step is None
+    assert found.fitted.figures.mass == pytest.approx(8.0, rel=0.03)
+
+
+def test_a_missed_sample_is_no_speed(machine, enabled):
+    """The position stands for a few SYNCs, then has moved as far as in all of them."""
+    stage = enabled(machine)
+    stream = stage.stream
+
+    def seldom(position, offset, until=None):
+        rows = 0
+        shown = None
+
+        def see(now):
+            nonlocal rows, shown
+            rows += 1
+            if rows % 50 >= 4 or shown is None:
+                shown = now
+            return until(shown)
+
+        return stream(position, offset, see)
+
+    stage.stream = seldom
+    assert measure_stage(stage, machine).axes.keys() == {"x", "y"}
