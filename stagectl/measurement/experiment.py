@@ -47,8 +47,8 @@ RAMP = 0.2
 """Time in which speed and excitation rise and fall [s]."""
 REST = 0.3
 """Time at rest before the first period [s]."""
-LEAST_VALID = 0.999
-"""Share of samples that have to be there."""
+LEAST_VALID = 0.99
+"""Share of samples that have to be there; what is interpolated adds to the scatter, which counts."""
 MARGIN = 1e-3
 """Distance kept from the ends of the travel [m]."""
 
