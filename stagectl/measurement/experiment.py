@@ -48,7 +48,7 @@ RAMP = 0.2
 REST = 0.3
 """Time at rest before the first period [s]."""
 LEAST_VALID = 0.99
-"""Share of samples that have to be there; what is interpolated adds to the scatter, which counts."""
+"""Share of samples that have to be there; what is interpolated adds to the scatter."""
 MARGIN = 1e-3
 """Distance kept from the ends of the travel [m]."""
 
