@@ -1,8 +1,8 @@
 """One CiA 402 drive: configuration, units, parameters, controlword and statusword.
 
 A drive of another maker needs no code here: its EDS or DCF goes into the machine file (`eds`), and
-`stagectl check` (`drivers.bench`) says what it lacks. What differs from drive to drive is in
-`parameters`, `units` and `host_loss`.
+`stagectl check` (`drivers.commissioning`) says what it lacks. What differs from drive to drive is
+in `parameters`, `units` and `host_loss`.
 """
 
 from drivers.drive.axis import Axis

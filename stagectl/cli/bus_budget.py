@@ -11,7 +11,7 @@ from stagectl.cli.console import make_console
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench import BusBudget
+    from drivers.commissioning import BusBudget
 
 _BYTES = click.IntRange(0, 8)
 
@@ -50,7 +50,7 @@ def command(
 
     Exit code 0 if the worst cycle fits, 1 if not. This is arithmetic: no bus is opened.
     """
-    from drivers.bench import stage_budget
+    from drivers.commissioning import stage_budget
     from stagectl.config import load_machine
     from stagectl.errors import StagectlError
 

@@ -13,7 +13,7 @@ from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
-    from drivers.bench.conformance import Finding
+    from drivers.commissioning.conformance import Finding
 
 
 @click.command
@@ -34,8 +34,8 @@ def command(
     the same. Objects that are written get their old values back, and the drive ends disabled.
     Refused while another host is on the bus. Exit code 0 if no check failed, else 1.
     """
-    from drivers.bench.conformance import Verdict, run
     from drivers.canopen import LISTENING
+    from drivers.commissioning.conformance import Verdict, run
     from stagectl.errors import StagectlError
 
     with bench.observer() as network, interruptible():
@@ -68,7 +68,7 @@ def _table(findings: list[Finding], node: int, label: str) -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    from drivers.bench.conformance import Verdict
+    from drivers.commissioning.conformance import Verdict
 
     colours = {Verdict.FAIL: "bold red", Verdict.DIFFERS: "yellow", Verdict.PASS: "green"}
     table = Table(title=f"CiA 301 and CiA 402: node {node} on {label}", title_justify="left")

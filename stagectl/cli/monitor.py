@@ -19,8 +19,8 @@ from stagectl.cli.signals import interruptible
 if TYPE_CHECKING:
     import can
 
-    from drivers.bench import Decoded, FrameDecoder
     from drivers.canopen import Network
+    from drivers.commissioning import Decoded, FrameDecoder
 
 _WAIT = 0.1
 """Longest wait for a frame, before Ctrl-C is looked for again [s]."""
@@ -57,7 +57,7 @@ def command(
     they are those of EDS and machine file.
     Can be used while another host runs the stage, unless that host uses SDO at the same moment.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from drivers.bench import FrameDecoder
+    from drivers.commissioning import FrameDecoder
 
     if bench.simulated and duration is None:
         duration = _SIMULATED

@@ -13,7 +13,7 @@ from stagectl.cli.console import make_console
 from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench import Found
+    from drivers.commissioning import Found
 
 
 @click.command
@@ -31,7 +31,7 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
     Exit code 1 if two devices have one node id, or a node of the machine file does not answer,
     asked twice; with --passive, nothing is asked and nobody has to answer.
     """
-    from drivers.bench import scan
+    from drivers.commissioning import scan
 
     with bench.observer() as network:
         axes = {axis.node: axis.name for axis in bench.axes}

@@ -141,8 +141,8 @@ def set_(
     controlword (0x6040), unless --yes is given. Nothing watches the drive after this command.
     Exit code 1 if the drive holds another value afterwards.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from drivers.bench import raw_text
     from drivers.canopen import LISTENING, load_dictionary
+    from drivers.commissioning import raw_text
     from stagectl.errors import StagectlError, UnusableInput
 
     axis = _axis(bench.axes, node)
@@ -226,7 +226,7 @@ def _variable(
 
 def _parse(text: str, variable: ODVariable, axis: AxisSettings) -> tuple[Value, bool]:
     """A value in the drive's unit, and whether it has been converted from a unit of its own."""
-    from drivers.bench import parse, unit_of
+    from drivers.commissioning import parse, unit_of
     from stagectl.config.parsing import units
     from stagectl.errors import UnusableInput
 
@@ -242,7 +242,7 @@ def _parse(text: str, variable: ODVariable, axis: AxisSettings) -> tuple[Value, 
 
 
 def _reference(variable: ODVariable) -> Any:
-    from drivers.bench import reference
+    from drivers.commissioning import reference
 
     return reference(variable)
 
@@ -268,7 +268,7 @@ def _read(node: Node, variable: ODVariable) -> Value:
 
 def _unit_problem(node: Node, axis: AxisSettings, variables: list[ODVariable]) -> str | None:
     """Why the drive's unit of one of these is not the machine file's; None where it is."""
-    from drivers.bench import unit_of
+    from drivers.commissioning import unit_of
     from drivers.drive import check_units
     from drivers.errors import ConfigurationError
 
@@ -297,7 +297,7 @@ def _require_no_force(node: Node) -> None:
 def _entry(
     axis: AxisSettings, variable: ODVariable, value: Value, units_agree: bool
 ) -> dict[str, Any]:
-    from drivers.bench import meaning, raw_text, type_name, unit_of
+    from drivers.commissioning import meaning, raw_text, type_name, unit_of
 
     ref = _reference(variable)
     known = units_agree and isinstance(value, int | float)

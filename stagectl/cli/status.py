@@ -12,7 +12,7 @@ from stagectl.cli.console import make_console
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench import AxisStatus
+    from drivers.commissioning import AxisStatus
 
 _LISTEN = 0.25  # two heartbeats [s]
 
@@ -26,7 +26,7 @@ def command(bench: Bench, json_out: Path | None) -> None:
     Positions count from the drive's zero, which is the stage's zero only after homing. Can be used
     while another host runs the stage, unless that host uses SDO at the same moment.
     """
-    from drivers.bench import status_of
+    from drivers.commissioning import status_of
     from drivers.drive import Axis
 
     with bench.observer() as network:
@@ -54,7 +54,7 @@ def _entry(status: AxisStatus) -> dict[str, Any]:
 def _table(statuses: list[AxisStatus], machine: str) -> Any:
     from rich.table import Table
 
-    from drivers.bench import error_line
+    from drivers.commissioning import error_line
 
     table = Table(title=f"Status of {machine}", title_justify="left")
     for name in ("axis", "node", "NMT", "status", "mode", "position", "force", "errors"):

@@ -7,7 +7,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bench import status_of
+from drivers.commissioning import status_of
 from drivers.errors import AxisFault, BusError
 from drivers.stage import Stage
 from hil_sim.bus import FaultyWorld, World

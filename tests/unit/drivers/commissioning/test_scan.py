@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from drivers.bench import scan
+from drivers.commissioning import scan
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import stage_settings
-from tests.unit.drivers.bench.conftest import network, world_of
+from tests.unit.drivers.commissioning.conftest import network, world_of
 
 
 def test_scan_listens_and_asks(machine: Machine) -> None:

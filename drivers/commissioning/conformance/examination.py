@@ -7,9 +7,9 @@ from contextlib import suppress
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
-from drivers.bench.conformance import communication, device, motion
-from drivers.bench.conformance.probe import Check, Finding, Probe
 from drivers.canopen import Network
+from drivers.commissioning.conformance import communication, device, motion
+from drivers.commissioning.conformance.probe import Check, Finding, Probe
 from drivers.errors import NodeError
 
 

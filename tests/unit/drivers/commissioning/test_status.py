@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.bench.status import Signals, in_words
+from drivers.commissioning.status import Signals, in_words
 
 
 @pytest.mark.parametrize(

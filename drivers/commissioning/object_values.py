@@ -13,8 +13,8 @@ from collections.abc import Callable
 from canopen.objectdictionary import FLOAT_TYPES, INTEGER_TYPES, ODVariable, datatypes
 
 from drivers import objects as od
-from drivers.bench.status import in_words, mode_text
 from drivers.canopen import Value, error_text, register_text
+from drivers.commissioning.status import in_words, mode_text
 from drivers.drive import Status, dimension, unit
 from drivers.errors import ConfigurationError, shown
 from drivers.motion import command_text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.bench.conformance.probe import Check, Finding, Probe
+from drivers.commissioning.conformance.probe import Check, Finding, Probe
 from drivers.drive import TRANSITIONS, Command, State, Status, next_command
 
 _OTHER_HOST = 126

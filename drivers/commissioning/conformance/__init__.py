@@ -8,7 +8,7 @@ offered", a refusal with an abort code other than the standard's "differs"; neit
 
 from __future__ import annotations
 
-from drivers.bench.conformance.examination import run
-from drivers.bench.conformance.probe import Finding, Probe, Verdict
+from drivers.commissioning.conformance.examination import run
+from drivers.commissioning.conformance.probe import Finding, Probe, Verdict
 
 __all__ = ["Finding", "Probe", "Verdict", "run"]

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.bench import FrameDecoder
+from drivers.commissioning import FrameDecoder
 from hil_sim import CSP_DCF_PATH
 from hil_sim.cia301 import NmtState
 from stagectl.config import driver_settings, load_machine
-from tests.unit.drivers.bench.conftest import network
+from tests.unit.drivers.commissioning.conftest import network
 
 
 @pytest.fixture

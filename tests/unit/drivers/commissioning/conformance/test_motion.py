@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 
-from drivers.bench.conformance import Verdict, run
+from drivers.commissioning.conformance import Verdict, run
 from stagectl.config.machine import Machine
-from tests.unit.drivers.bench.conftest import network
+from tests.unit.drivers.commissioning.conftest import network
 
 
 def test_a_drive_without_acknowledge_in_pp(machine: Machine) -> None:

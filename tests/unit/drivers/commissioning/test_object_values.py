@@ -7,7 +7,7 @@ from dataclasses import replace
 import canopen
 import pytest
 
-from drivers.bench import meaning, parse, raw_text, reference, type_name, unit_of
+from drivers.commissioning import meaning, parse, raw_text, reference, type_name, unit_of
 from drivers.errors import ConfigurationError
 from hil_sim import EDS_PATH
 from stagectl.config import driver_settings, load_machine

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import struct
 
-from drivers.bench.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Finding, Verdict, run
 from hil_sim.cia301 import key
 from stagectl.config.machine import Machine
-from tests.unit.drivers.bench.conftest import failures, network
+from tests.unit.drivers.commissioning.conftest import failures, network
 
 STATUSWORD = b"\x41\x60\x00"
 

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.bench.conformance import Finding, Verdict, run
 from drivers.canopen import Network
+from drivers.commissioning.conformance import Finding, Verdict, run
 from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from tests.unit.drivers.bench.conftest import failures, network
+from tests.unit.drivers.commissioning.conftest import failures, network
 
 PDO_AREA = range(0x1400 << 8, 0x1C00 << 8)
 

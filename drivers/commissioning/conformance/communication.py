@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-from drivers.bench.conformance.pdo_setup import INVALID, restore_pdos
-from drivers.bench.conformance.probe import (
+from drivers.commissioning.conformance.pdo_setup import INVALID, restore_pdos
+from drivers.commissioning.conformance.probe import (
     ABSENT_OBJECT,
     ABSENT_SUB,
     Check,

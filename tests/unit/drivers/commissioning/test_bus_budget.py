@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.bench import stage_budget
-from drivers.bench.bus_budget import least_bits, worst_bits
+from drivers.commissioning import stage_budget
+from drivers.commissioning.bus_budget import least_bits, worst_bits
 
 
 @pytest.mark.parametrize(("size", "least", "worst"), [(0, 47, 55), (1, 55, 65), (8, 111, 135)])

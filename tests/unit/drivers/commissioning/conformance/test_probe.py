@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
 
-from drivers.bench.conformance.probe import Probe, Verdict, code_of
 from drivers.canopen import Network
+from drivers.commissioning.conformance.probe import Probe, Verdict, code_of
 from drivers.drive import State
 
 READ_ONLY, ABSENT = 0x06010002, 0x06020000

@@ -5,10 +5,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from drivers.bench.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Finding, Verdict, run
 from hil_sim.cia301 import key
 from stagectl.config.machine import Machine
-from tests.unit.drivers.bench.conftest import failures, network, world_of
+from tests.unit.drivers.commissioning.conftest import failures, network, world_of
 
 
 def _abort(index: int, sub: int, code: int) -> Callable[[int, bytes], bytes]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from canopen import SdoAbortedError
 
-from drivers.bench.conformance.probe import Probe
+from drivers.commissioning.conformance.probe import Probe
 
 INVALID = 1 << 31
 ENTRIES = 8

@@ -6,11 +6,11 @@ import struct
 
 import pytest
 
-from drivers.bench.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Finding, Verdict, run
 from drivers.errors import NodeError
 from hil_sim.cia301 import key
 from stagectl.config.machine import Machine
-from tests.unit.drivers.bench.conftest import network
+from tests.unit.drivers.commissioning.conftest import network
 
 
 def test_the_virtual_drive_passes_all_checks(machine: Machine) -> None:

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from canopen import ObjectDictionaryError, SdoAbortedError
 from canopen.objectdictionary import INTEGER_TYPES, ODVariable
 
-from drivers.bench.object_values import meaning, raw_text, reference, without_unit
-from drivers.bench.pdo_maps import Pdo, PdoMaps
 from drivers.canopen import (
     NMT_COMMANDS,
     NMT_STATES,
@@ -25,6 +23,8 @@ from drivers.canopen import (
     load_dictionary,
     register_text,
 )
+from drivers.commissioning.object_values import meaning, raw_text, reference, without_unit
+from drivers.commissioning.pdo_maps import Pdo, PdoMaps
 from drivers.drive import check_units
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import SYNC_ID, ObjectRef

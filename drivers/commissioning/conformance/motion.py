@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.bench.conformance.probe import Check, Finding, Probe, Verdict
+from drivers.commissioning.conformance.probe import Check, Finding, Probe, Verdict
 from drivers.drive import Command, Control, State, Status
 
 _ENABLED = int(Command.ENABLE_OPERATION)

@@ -10,8 +10,8 @@ from typing import Any
 import can
 import pytest
 
-from drivers.bench.conformance import Finding, Verdict
 from drivers.canopen import Network
+from drivers.commissioning.conformance import Finding, Verdict
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
