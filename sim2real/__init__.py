@@ -2,7 +2,7 @@
 
 The rooms, each importing only from those above it:
 
-- `phases`, `report`: the phases of motion of a recorded move; what a diagnosis reports
+- `phases`, `findings`: the phases of motion of a recorded move; what a diagnosis finds
 - `gap`: free-run simulation against a recording
 - `residuals`: what a model leaves, over velocity and position, at reversals, by frequency
 - `audit`: whether the channels mean what the machine file says
@@ -24,11 +24,11 @@ __all__ = [
     "blind",
     "diagnosis",
     "experiment",
+    "findings",
     "fitting",
     "free_loop",
     "gap",
     "phases",
-    "report",
     "residuals",
     "shrinkage",
     "tracking",

@@ -13,6 +13,7 @@ from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import of_size, score_alternative
 from sim2real.attribution.search import AxisSearch
 from sim2real.axis_units import unit_on
+from sim2real.findings import Candidate, Cause, Confusable, Parameter
 from sim2real.fitting import (
     NUISANCES,
     STEP,
@@ -23,7 +24,6 @@ from sim2real.fitting import (
     is_coulomb_drift,
     reported_values,
 )
-from sim2real.report import Candidate, Cause, Confusable, Parameter
 from sim2real.scoring import weigh_effect
 from sim2real.scoring.constants import (
     DAMPED,

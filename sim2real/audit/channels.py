@@ -34,8 +34,8 @@ from sim2real.audit.signal_checks import (
     match_unit,
 )
 from sim2real.axis_units import unit_on
+from sim2real.findings import ChannelFinding
 from sim2real.gap import number_periods, prepare_replay, run_by_model
-from sim2real.report import ChannelFinding
 from stagedata import Recording
 
 MISLEADING = (

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hil_sim.settings import StageSettings
-from sim2real.report import ChannelFinding
+from sim2real.findings import ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 

@@ -17,8 +17,8 @@ from scipy.interpolate import Akima1DInterpolator, CubicSpline, PPoly
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.audit.signal_checks import ALL_AXES
+from sim2real.findings import ChannelFinding
 from sim2real.gap import match_periods, quantisation_step
-from sim2real.report import ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 
 _SMOOTH = CubicSpline

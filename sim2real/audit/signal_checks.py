@@ -13,9 +13,9 @@ import numpy as np
 
 from hil_sim.settings import AxisSettings
 from sim2real.axis_units import unit_on
+from sim2real.findings import SIGNALS, ChannelFinding
 from sim2real.gap import coarse_steps, number_periods, stated_step
 from sim2real.phases import REST, split_phases
-from sim2real.report import SIGNALS, ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray
 
 ALL_AXES = "all"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim2real.blind.outcome import Outcome, ReportedCause
-from sim2real.report import NO_GAP, PARTLY_EXPLAINED, UNEXPLAINED
+from sim2real.findings import NO_GAP, PARTLY_EXPLAINED, UNEXPLAINED
 
 BIN = 50
 """Least number of causes in a bin of the calibration."""

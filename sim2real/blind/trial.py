@@ -19,6 +19,7 @@ from sim2real.blind.outcome import Outcome, ReportedCause
 from sim2real.blind.seal import Sealed, seal_key
 from sim2real.blind.stage import SUBSTEPS, record_stage, with_elements
 from sim2real.diagnosis import Diagnosis, Progress, diagnose, examine
+from sim2real.findings import GapReport
 from sim2real.gap import (
     combined_gap,
     compare_with_model,
@@ -27,7 +28,6 @@ from sim2real.gap import (
     measure_gap,
     prepare_replay,
 )
-from sim2real.report import GapReport
 from sim2real.tracking import require_presliding
 from stagedata import Recording
 

@@ -24,6 +24,15 @@ from sim2real.audit import (
 from sim2real.axis_units import unit_on
 from sim2real.diagnosis.clock import Clock, find_common_clock
 from sim2real.diagnosis.motion_channels import audit_motion
+from sim2real.findings import (
+    CLOSED_LOOP,
+    INSUFFICIENT,
+    OPEN_LOOP,
+    SHORTEST,
+    UNEXPLAINED,
+    ChannelFinding,
+    GapReport,
+)
 from sim2real.gap import (
     Gap,
     Located,
@@ -35,15 +44,6 @@ from sim2real.gap import (
 )
 from sim2real.open_loop import Motion, compare_along, fit_figures, measure_motion
 from sim2real.phases import split_moves
-from sim2real.report import (
-    CLOSED_LOOP,
-    INSUFFICIENT,
-    OPEN_LOOP,
-    SHORTEST,
-    UNEXPLAINED,
-    ChannelFinding,
-    GapReport,
-)
 from sim2real.tracking import require_presliding
 from stagedata import Recording
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from hil_sim.settings import StageSettings
 from sim2real.audit import delay_finding, remove_delay
+from sim2real.findings import ChannelFinding
 from sim2real.open_loop import Motion, find_delay, has_lost_sign
-from sim2real.report import ChannelFinding
 from stagedata import Recording
 
 

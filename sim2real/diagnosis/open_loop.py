@@ -26,6 +26,22 @@ from sim2real.diagnosis.examination import (
 from sim2real.diagnosis.open_loop_reason import give_reason
 from sim2real.diagnosis.plant_figures import FittedFigures, settle_figures
 from sim2real.diagnosis.verdict import Diagnosis, describe_far_off, moved_figures
+from sim2real.findings import (
+    EXPLAINED,
+    INSUFFICIENT,
+    NO_GAP,
+    PARTLY_EXPLAINED,
+    UNEXPLAINED,
+    Candidate,
+    Cause,
+    Confusable,
+    FigureChange,
+    FittedFigure,
+    GapFigures,
+    GapReport,
+    Parameter,
+    SelectionStep,
+)
 from sim2real.fitting import (
     BASE,
     STEP,
@@ -46,22 +62,6 @@ from sim2real.open_loop import (
     compare_along,
     describe_residual,
     measure_motion,
-)
-from sim2real.report import (
-    EXPLAINED,
-    INSUFFICIENT,
-    NO_GAP,
-    PARTLY_EXPLAINED,
-    UNEXPLAINED,
-    Candidate,
-    Cause,
-    Confusable,
-    FigureChange,
-    FittedFigure,
-    GapFigures,
-    GapReport,
-    Parameter,
-    SelectionStep,
 )
 from sim2real.scoring.constants import DOUBTED, ENOUGH, SHOWN, STRANGE
 from sim2real.shrinkage import share_closed, share_given_back

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from sim2real.diagnosis.examination import Examination
 from sim2real.diagnosis.verdict import name_causes
+from sim2real.findings import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
 from sim2real.fitting import implausibility
 from sim2real.free_loop import FreeSearch
 from sim2real.gap import combined_floors
 from sim2real.open_loop import FIGURES
-from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
 from sim2real.scoring.constants import CLOSED, STRANGE
 from sim2real.shrinkage import FLOOR_LEVEL
 

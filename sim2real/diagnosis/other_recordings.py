@@ -14,10 +14,10 @@ from sim2real.audit import repair_samples
 from sim2real.diagnosis.clock import Clock
 from sim2real.diagnosis.examination import Examination, examine, examine_motion
 from sim2real.diagnosis.verdict import Diagnosis
+from sim2real.findings import EXPLAINED, PARTLY_EXPLAINED, GapReport
 from sim2real.fitting import AxisModel
 from sim2real.gap import NO_GAP_BELOW
 from sim2real.open_loop import MotionLoop
-from sim2real.report import EXPLAINED, PARTLY_EXPLAINED, GapReport
 from sim2real.scoring.constants import ENOUGH
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 from stagedata import Recording

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisSearch
 from sim2real.axis_units import unit_on
+from sim2real.findings import FigureChange
 from sim2real.fitting import (
     BASE,
     MAX_SIGMAS,
@@ -32,7 +33,6 @@ from sim2real.fitting import (
     plant_figure,
     with_base,
 )
-from sim2real.report import FigureChange
 from sim2real.scoring.constants import RELATIVE, SCATTER, WANDER_SHARE
 
 F64 = NDArray[np.float64]

@@ -36,6 +36,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.open_loop import diagnose_open_loop, with_description
 from sim2real.diagnosis.verdict import Diagnosis, conclude
+from sim2real.findings import PARTLY_EXPLAINED, UNEXPLAINED
 from sim2real.fitting import (
     AxisModel,
     AxisProblem,
@@ -43,7 +44,6 @@ from sim2real.fitting import (
     compose_stage,
 )
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
-from sim2real.report import PARTLY_EXPLAINED, UNEXPLAINED
 from sim2real.scoring.constants import REPEATED
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes

@@ -21,15 +21,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.examination import Examination
 from sim2real.diagnosis.plant_figures import figures_of_search, settle_figures
 from sim2real.experiment import propose_experiment
-from sim2real.fitting import (
-    BASE,
-    AxisModel,
-    coordinate,
-    plant_figure,
-    with_base,
-)
-from sim2real.gap import NO_GAP_BELOW, Signals, combined_floors
-from sim2real.report import (
+from sim2real.findings import (
     EXPLAINED,
     NO_GAP,
     PARTLY_EXPLAINED,
@@ -43,6 +35,14 @@ from sim2real.report import (
     NextExperiment,
     SelectionStep,
 )
+from sim2real.fitting import (
+    BASE,
+    AxisModel,
+    coordinate,
+    plant_figure,
+    with_base,
+)
+from sim2real.gap import NO_GAP_BELOW, Signals, combined_floors
 from sim2real.scoring.constants import ENOUGH, NEAR
 from sim2real.shrinkage import HeldOut, combined_energy, share_closed
 

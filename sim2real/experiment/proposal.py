@@ -24,9 +24,9 @@ from sim2real.experiment.sequences import (
     round_up,
     setpoints,
 )
+from sim2real.findings import SHORTEST, NextExperiment
 from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured
-from sim2real.report import SHORTEST, NextExperiment
 
 F64 = NDArray[np.float64]
 

@@ -49,7 +49,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step of the selection (in a report: `sim2real.report.SelectionStep`).
+    """One step of the selection (in a report: `sim2real.findings.SelectionStep`).
 
     Attributes:
         effects: names of all effects from then on.

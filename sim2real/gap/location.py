@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.axis_units import angular_unit
+from sim2real.findings import Where
 from sim2real.gap.measure import Measured
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
-from sim2real.report import Where
 from stagedata import FloatArray, aligned_demand
 
 BINS = 24

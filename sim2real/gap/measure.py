@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 from hil_sim.settings import StageSettings
 from sim2real.axis_units import unit_on
+from sim2real.findings import SIGNALS, GapFigures
 from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, estimate_floor
 from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
-from sim2real.report import SIGNALS, GapFigures
 from stagedata import Recording
 
 Gap = dict[str, dict[str, GapFigures]]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from hil_sim.plant import Response, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.findings import SIGNALS
 from sim2real.gap.quantisation import coarse_steps
 from sim2real.gap.sync_grid import match_periods
-from sim2real.report import SIGNALS
 from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 _REST_UNITS = 4

@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.effects.residual_table import ResidualTable
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.findings import EmpiricalForce
 from sim2real.gap import NO_GAP_BELOW, Measured
 from sim2real.open_loop.motion import Motion
 from sim2real.phases import split_moves
-from sim2real.report import EmpiricalForce
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from hil_sim.plant import force_along, force_variants, needs_all_axes
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_units import unit_on
+from sim2real.findings import GapFigures
 from sim2real.fitting import Workers
 from sim2real.free_loop import FreeLoop
 from sim2real.gap import Floor, Measured, Replay, Signals, rms
 from sim2real.open_loop.motion import Motion
-from sim2real.report import GapFigures
 
 F64 = NDArray[np.float64]
 

@@ -44,8 +44,8 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     What did the twin change, from one run to the next?
       stagectl gap compare runs/BEFORE runs/AFTER
     """  # noqa: D301  (\b keeps click from wrapping what follows)
+    from sim2real.findings import FORMAT, VERSION, GapFigures, gap_json
     from sim2real.gap import gap_closed, pool_gaps
-    from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
     from stagectl.config import stage_settings
     from stagectl.store import read_recording
 

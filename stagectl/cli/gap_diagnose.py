@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis
-    from sim2real.report import Cause, FigureChange, GapReport, NextExperiment
+    from sim2real.findings import Cause, FigureChange, GapReport, NextExperiment
     from stagectl.config import Machine
 
 _MAX_CELLS = 6  # places of the gap that are listed
@@ -107,7 +107,7 @@ def diagnose(
     from sim2real import diagnosis
     from sim2real.diagnosis import PHASES, continue_clock, examine, examine_others, judge_elsewhere
     from sim2real.diagnosis.examination import GAINS
-    from sim2real.report import NO_GAP
+    from sim2real.findings import NO_GAP
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput

@@ -13,8 +13,8 @@ from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, w
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
+    from sim2real.findings import GapFigures
     from sim2real.gap import Measured
-    from sim2real.report import GapFigures
     from stagectl.config import Machine
     from stagedata import Recording
 
@@ -32,7 +32,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     what a perfect model would still leave: encoder noise and the friction repeatability stated in
     the machine file. Moves that the recording repeats serve as a check of the floor.
     """
-    from sim2real.report import FORMAT, VERSION, gap_json
+    from sim2real.findings import FORMAT, VERSION, gap_json
     from stagectl.config import stage_settings
     from stagectl.store import read_recording
 
@@ -119,8 +119,8 @@ def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names:
     """
     from rich.table import Table
 
+    from sim2real.findings import SHOWN_AS
     from sim2real.gap import PERFECT_MODEL
-    from sim2real.report import SHOWN_AS
 
     both = any(f.explained is not None for signals in found.values() for f in signals.values())
     table = Table(title=title, title_justify="left", caption=PERFECT_MODEL, caption_justify="left")

@@ -12,8 +12,8 @@ from markupsafe import Markup
 
 from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
+from sim2real.findings import SHOWN_AS, GapReport
 from sim2real.gap import PERFECT_MODEL, Signals, combined_floors
-from sim2real.report import SHOWN_AS, GapReport
 from sim2real.residuals import ResidualViews
 from stagectl.report.content import DASH, Notice
 from stagectl.report.gap import traces

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from hil_sim.settings import AxisSettings
 from sim2real.attribution import FrictionOverPosition
 from sim2real.axis_units import unit_on
+from sim2real.findings import SHOWN_AS
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_phases
-from sim2real.report import SHOWN_AS
 from stagectl.report.gap.charts import Curve, bars, chart, legend
 from stagedata import aligned_demand
 

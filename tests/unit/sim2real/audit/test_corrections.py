@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim2real.audit import remove_delay, rescale
-from sim2real.report import ChannelFinding
+from sim2real.findings import ChannelFinding
 from tests.unit.sim2real.audit.conftest import spoilt
 
 

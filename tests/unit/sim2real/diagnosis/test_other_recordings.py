@@ -13,8 +13,8 @@ from sim2real.diagnosis import (
     judge_elsewhere,
     report_without_causes,
 )
+from sim2real.findings import Cause, SelectionStep
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from sim2real.report import Cause, SelectionStep
 from tests.unit.sim2real.conftest import stage_with
 
 COGGING = {"amplitude": 1.2, "pitch": 0.032, "phase": 0.5}

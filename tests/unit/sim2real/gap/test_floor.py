@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil_sim.plant import simulate
+from sim2real.findings import GapFigures
 from sim2real.gap import (
     check_repeats,
     compare_with_model,
@@ -13,7 +14,6 @@ from sim2real.gap import (
     prepare_replay,
     subtract_signals,
 )
-from sim2real.report import GapFigures
 from stagectl.config import load_machine, stage_settings
 from stagedata import AxisSignals, Recording
 

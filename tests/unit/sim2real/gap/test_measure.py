@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hil_sim.plant import simulate
+from sim2real.findings import GapFigures
 from sim2real.gap import combined_gap, gap_closed, measure_gap, pool_gaps
-from sim2real.report import GapFigures
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 

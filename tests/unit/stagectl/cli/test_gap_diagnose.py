@@ -12,7 +12,7 @@ import yaml
 from click.testing import CliRunner
 from rich.console import Console
 
-from sim2real.report import FigureChange, GapReport
+from sim2real.findings import FigureChange, GapReport
 from stagectl.cli.gap_diagnose import _keep_measurement, diagnose, print_report
 from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine

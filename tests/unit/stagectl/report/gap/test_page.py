@@ -11,7 +11,7 @@ import pytest
 
 from sim2real.attribution import FrictionOverPosition, signature_similarity
 from sim2real.diagnosis import examine, report_without_causes
-from sim2real.report import (
+from sim2real.findings import (
     Candidate,
     Cause,
     ChannelFinding,

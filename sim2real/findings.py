@@ -1,4 +1,4 @@
-"""The results of a diagnosis of the sim-to-real gap, and their JSON (docs/formats/gap-report.md).
+"""What a diagnosis of the gap finds, and its JSON (docs/formats/gap-report.md).
 
 Plain values in SI units; nothing here computes. `GapReport.to_json` gives exactly the keys of the
 format; unknown figures are null where the format says so and left out elsewhere.

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from sim2real.report import Cause, GapFigures, GapReport, Parameter, Where
+from sim2real.findings import Cause, GapFigures, GapReport, Parameter, Where
 
 
 def test_figures_that_are_not_finite_are_null():
