@@ -177,3 +177,7 @@ def base_motion(terms: KnownTerms, values: Values) -> None:
 def cross_coupling(terms: KnownTerms, values: Values) -> None:
     """Force per acceleration of the other axis [kg]."""
     terms.coupled_mass += values["mass"]
+
+
+torque_ripple = force_ripple
+transmission_ripple = cogging

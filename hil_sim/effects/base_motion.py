@@ -1,12 +1,6 @@
 """A machine base that yields to the reaction force of the axis."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect
-from hil_sim.effects.ports import EffectPorts
-from hil_sim.effects.vibration_mode import mode_parameters
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, oscillator
 
 
 class BaseMotion(Effect):
@@ -18,7 +12,7 @@ class BaseMotion(Effect):
 
     name = "base_motion"
     group = "dynamics"
-    parameters = mode_parameters(
+    parameters = oscillator(
         frequency=("frequency of the base on its isolators", (5.0, 30.0)),
         damping=("damping ratio of that mode", (0.04, 0.15)),
         mass_ratio=("moved mass over mass of the base", (0.01, 0.05)),
@@ -35,10 +29,9 @@ class BaseMotion(Effect):
         "jerk excites it less."
     )
     compensation = Compensation(
-        "the base's swing under the demanded acceleration is fed forward, at rest too",
-        "estimation.known_effects.inverses:base_motion",
+        "the base's swing under the demanded acceleration is fed forward, at rest too", HOST
     )
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.mount(parameters["mass_ratio"], parameters["frequency"], parameters["damping"])

@@ -1,11 +1,6 @@
 """Cables whose pull depends on the direction of motion."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, force, shape
 
 
 class CableHysteresis(Effect):
@@ -19,24 +14,14 @@ class CableHysteresis(Effect):
     name = "cable_hysteresis"
     group = "force"
     parameters = (
-        Parameter(
-            "force",
-            "N",
-            "sliding force of the element",
-            (0.07, 0.22),
-            relative_to="Coulomb force",
-            neutral=0.0,
-            least=0.0,
-        ),
-        Parameter(
+        force("force", "sliding force of the element", (0.07, 0.22), least=0.0),
+        shape(
             "stiffness",
             "N/m",
             "stiffness before it slides",
             (150.0, 700.0),
             relative_to="Coulomb force",
-            role="shape",
             above=0.0,
-            log=True,
         ),
     )
     equation = "F_d += H, dH = stiffness dx, held within ± force"
@@ -46,10 +31,9 @@ class CableHysteresis(Effect):
         "element to the friction of the feedforward."
     )
     compensation = Compensation(
-        "fed forward from a state that follows the measured positions",
-        "estimation.known_effects.inverses:cable_hysteresis",
+        "fed forward from a state that follows the measured positions", HOST
     )
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.add_hysteresis(parameters["force"], parameters["stiffness"])

@@ -1,13 +1,8 @@
 """Detent force between magnets and iron."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, force, phase, pitch
 
 
 class Cogging(Effect):
@@ -20,25 +15,9 @@ class Cogging(Effect):
     name = "cogging"
     group = "force"
     parameters = (
-        Parameter(
-            "amplitude",
-            "N",
-            "amplitude of the force",
-            (0.06, 0.3),
-            relative_to="Coulomb force",
-            neutral=0.0,
-        ),
-        Parameter(
-            "pitch",
-            "m",
-            "spatial period",
-            (24e-3, 40e-3),
-            role="shape",
-            least=1e-3,
-            log=True,
-            plausible_turning=(0.07, 1.6),  # 2 to 44 pole pairs, driving directly
-        ),
-        Parameter("phase", "rad", "phase at position 0", None, role="phase"),
+        force("amplitude", "amplitude of the force", (0.06, 0.3)),
+        pitch((24e-3, 40e-3), (0.07, 1.6)),  # turning: 2 to 44 pole pairs, driving directly
+        phase(),
     )
     equation = "F_d += amplitude sin(2 pi x/pitch + phase)"
     enters = "A disturbance force over position."
@@ -46,12 +25,9 @@ class Cogging(Effect):
         "Measure it once at creep speed and feed it forward over position; ironless motors have "
         "hardly any."
     )
-    compensation = Compensation(
-        "fed forward along the planned path",
-        "estimation.known_effects.inverses:cogging",
-    )
+    compensation = FED_FORWARD
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         angle = 2.0 * np.pi / parameters["pitch"] * ports.positions + parameters["phase"]
         ports.add_position_force(parameters["amplitude"] * np.sin(angle))

@@ -1,11 +1,6 @@
 """Force from the acceleration of the other axis."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, mass
 
 
 class CrossCoupling(Effect):
@@ -17,28 +12,15 @@ class CrossCoupling(Effect):
 
     name = "cross_coupling"
     group = "dynamics"
-    parameters = (
-        Parameter(
-            "mass",
-            "kg",
-            "force per acceleration of the other axis",
-            (0.015, 0.05),
-            signed=True,
-            relative_to="mass",
-            neutral=0.0,
-        ),
-    )
+    parameters = (mass("force per acceleration of the other axis", (0.015, 0.05)),)
     equation = "F_d += mass * acceleration of the other axis"
     enters = "A disturbance force from the acceleration of the other axis, solved jointly with it."
     remedy = (
         "Feed the demanded acceleration of the other axis forward with this mass; square the axes "
         "and balance the load."
     )
-    compensation = Compensation(
-        "fed forward from the other axis' demanded acceleration",
-        "estimation.known_effects.inverses:cross_coupling",
-    )
+    compensation = Compensation("fed forward from the other axis' demanded acceleration", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.couple(parameters["mass"])

@@ -1,11 +1,6 @@
 """A current loop slower than the machine file says."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, size
 
 
 class CurrentBandwidth(Effect):
@@ -18,7 +13,7 @@ class CurrentBandwidth(Effect):
     name = "current_bandwidth"
     group = "motor"
     parameters = (
-        Parameter(
+        size(
             "bandwidth",
             "Hz",
             "bandwidth of the first-order current loop",
@@ -34,11 +29,8 @@ class CurrentBandwidth(Effect):
         "Retune the current loop for this motor and disable demand filters; until then, evaluate "
         "the feedforward further ahead."
     )
-    compensation = Compensation(
-        "the feedforward leads by the lag of this current loop",
-        "estimation.known_effects.inverses:current_bandwidth",
-    )
+    compensation = Compensation("the feedforward leads by the lag of this current loop", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.current_bandwidth = parameters["bandwidth"]

@@ -1,11 +1,6 @@
 """A delay between controller and current loop."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, size
 
 
 class DeadTime(Effect):
@@ -18,15 +13,7 @@ class DeadTime(Effect):
     name = "dead_time"
     group = "motor"
     parameters = (
-        Parameter(
-            "delay",
-            "s",
-            "delay of the controller's output",
-            (0.2e-3, 0.8e-3),
-            neutral=0.0,
-            least=0.0,
-            below=0.05,
-        ),
+        size("delay", "s", "delay of the controller's output", (2e-4, 8e-4), least=0.0, below=0.05),
     )
     equation = "u reaches the current loop after this delay"
     enters = (
@@ -36,11 +23,8 @@ class DeadTime(Effect):
         "Shorten cycle times and filters; evaluate the feedforward ahead by the delay, and lower "
         "the loop gains if the margins are small."
     )
-    compensation = Compensation(
-        "the feedforward leads by it",
-        "estimation.known_effects.inverses:dead_time",
-    )
+    compensation = Compensation("the feedforward leads by it", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.delay += parameters["delay"]

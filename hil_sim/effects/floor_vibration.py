@@ -1,11 +1,6 @@
 """Vibration from outside."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import Compensation, Effect, EffectPorts, Values, force, phase, shape
 
 
 class FloorVibration(Effect):
@@ -18,25 +13,9 @@ class FloorVibration(Effect):
     name = "floor_vibration"
     group = "force"
     parameters = (
-        Parameter(
-            "amplitude",
-            "N",
-            "amplitude of the force",
-            (0.035, 0.1),
-            relative_to="Coulomb force",
-            neutral=0.0,
-        ),
-        Parameter(
-            "frequency",
-            "Hz",
-            "frequency of the force",
-            (12.0, 90.0),
-            role="shape",
-            above=0.0,
-            below=2500.0,
-            log=True,
-        ),
-        Parameter("phase", "rad", "phase at t = 0", None, role="phase"),
+        force("amplitude", "amplitude of the force", (0.035, 0.1)),
+        shape("frequency", "Hz", "frequency of the force", (12.0, 90.0), above=0.0, below=2500.0),
+        phase("phase at t = 0"),
     )
     equation = "F_d += amplitude sin(2 pi frequency t + phase)"
     enters = "A disturbance force over time."
@@ -46,6 +25,6 @@ class FloorVibration(Effect):
     )
     compensation = Compensation("its phase is another in every run")
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.add_harmonic(parameters["amplitude"], parameters["frequency"], parameters["phase"])

@@ -1,11 +1,6 @@
 """Motor force per current that differs from nominal."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, factor
 
 
 class ForceConstant(Effect):
@@ -17,22 +12,15 @@ class ForceConstant(Effect):
 
     name = "force_constant"
     group = "motor"
-    parameters = (
-        Parameter(
-            "ratio", "", "motor force over measured force", (0.9, 1.1), neutral=1.0, above=0.0
-        ),
-    )
+    parameters = (factor("motor force over measured force", (0.9, 1.1)),)
     equation = "F_motor = ratio * measured current * nominal constant"
     enters = "A factor from measured force to motor force; the force actual value does not show it."
     remedy = (
         "Measure force against current with a load cell, check the commutation offset, and "
         "correct the drive's force scaling."
     )
-    compensation = Compensation(
-        "the force demand is divided by it",
-        "estimation.known_effects.inverses:force_constant",
-    )
+    compensation = Compensation("the force demand is divided by it", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.force_constant *= parameters["ratio"]

@@ -1,11 +1,6 @@
 """A constant force on the axis."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, force
 
 
 class ForceOffset(Effect):
@@ -17,25 +12,12 @@ class ForceOffset(Effect):
 
     name = "force_offset"
     group = "force"
-    parameters = (
-        Parameter(
-            "force",
-            "N",
-            "force against positive motion",
-            (0.06, 0.3),
-            signed=True,
-            relative_to="Coulomb force",
-            neutral=0.0,
-        ),
-    )
+    parameters = (force("force", "force against positive motion", (0.06, 0.3), signed=True),)
     equation = "F_d += force (tilt, cable pull)"
     enters = "A constant disturbance force."
     remedy = "Level the machine, route cables and hoses without pull, or feed the force forward."
-    compensation = Compensation(
-        "fed forward, and kept apart from friction at rest",
-        "estimation.known_effects.inverses:force_offset",
-    )
+    compensation = Compensation("fed forward, and kept apart from friction at rest", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.force += parameters["force"]

@@ -1,13 +1,8 @@
 """Motor force that varies along the magnet track."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, phase, pitch, share
 
 
 class ForceRipple(Effect):
@@ -20,26 +15,9 @@ class ForceRipple(Effect):
     name = "force_ripple"
     group = "motor"
     parameters = (
-        Parameter(
-            "ratio",
-            "",
-            "amplitude over the mean force",
-            (0.03, 0.08),
-            neutral=0.0,
-            above=-1.0,
-            below=1.0,
-        ),
-        Parameter(
-            "pitch",
-            "m",
-            "spatial period",
-            (8e-3, 14e-3),
-            role="shape",
-            least=1e-3,
-            log=True,
-            plausible_turning=(0.02, 0.5),  # thirds of the poles of such a motor: 2 to 44 pairs
-        ),
-        Parameter("phase", "rad", "phase at position 0", None, role="phase"),
+        share("amplitude over the mean force", (0.03, 0.08)),
+        pitch((8e-3, 14e-3), (0.02, 0.5)),  # turning: thirds of the poles, 2 to 44 pairs
+        phase(),
     )
     equation = "F_motor * (1 + ratio sin(2 pi x/pitch + phase))"
     enters = (
@@ -50,12 +28,9 @@ class ForceRipple(Effect):
         "Correct the commutation angle first; then scale the force demand with a table over "
         "position."
     )
-    compensation = Compensation(
-        "the force demand is divided by it along the planned path",
-        "estimation.known_effects.inverses:force_ripple",
-    )
+    compensation = Compensation("the force demand is divided by it along the planned path", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         angle = 2.0 * np.pi / parameters["pitch"] * ports.positions + parameters["phase"]
         ports.scale_position_gain(1.0 + parameters["ratio"] * np.sin(angle))

@@ -1,12 +1,8 @@
 """Motor force that levels off at high current."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Mapping
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, size
 
 
 class ForceSaturation(Effect):
@@ -19,14 +15,14 @@ class ForceSaturation(Effect):
     name = "force_saturation"
     group = "motor"
     parameters = (
-        Parameter(
+        size(
             "force",
             "N",
             "force that the motor cannot exceed",
             (1.0, 1.8),
             relative_to="rated force",
-            above=0.0,
             neutral=math.inf,
+            above=0.0,
             log=True,
         ),
     )
@@ -39,11 +35,8 @@ class ForceSaturation(Effect):
         "Keep the acceleration below the force where the curve bends, or invert the curve in the "
         "force demand; check cooling and bus voltage."
     )
-    compensation = Compensation(
-        "the force demand is bent the other way",
-        "estimation.known_effects.inverses:force_saturation",
-    )
+    compensation = Compensation("the force demand is bent the other way", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.saturation = min(ports.saturation, parameters["force"])

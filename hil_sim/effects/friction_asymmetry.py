@@ -1,11 +1,6 @@
 """Coulomb friction that depends on the direction of motion."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, share
 
 
 class FrictionAsymmetry(Effect):
@@ -18,15 +13,8 @@ class FrictionAsymmetry(Effect):
     name = "friction_asymmetry"
     group = "friction"
     parameters = (
-        Parameter(
-            "ratio",
-            "",
-            "half the difference between the directions over their mean",
-            (0.06, 0.2),
-            signed=True,
-            neutral=0.0,
-            above=-1.0,
-            below=1.0,
+        share(
+            "half the difference between the directions over their mean", (0.06, 0.2), signed=True
         ),
     )
     equation = "Fc * (1 + ratio sgn v)"
@@ -35,12 +23,9 @@ class FrictionAsymmetry(Effect):
         "Compensate with one level per direction; check the alignment of the carriages and the "
         "routing of the cable chain."
     )
-    compensation = Compensation(
-        "one Coulomb force per direction in the friction model",
-        "estimation.known_effects.inverses:friction_asymmetry",
-    )
+    compensation = Compensation("one Coulomb force per direction in the friction model", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.coulomb_forward *= 1.0 + parameters["ratio"]
         ports.coulomb_backward *= 1.0 - parameters["ratio"]

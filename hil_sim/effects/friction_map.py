@@ -1,15 +1,12 @@
 """A Coulomb level that varies smoothly over the table."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from math import erf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import POSITION_MARGIN, EffectPorts
+from hil_sim.effects import FRICTION_FACTOR, Effect, EffectPorts, Parameter, Values, shape, size
+from hil_sim.effects.ports import POSITION_MARGIN
 from hil_sim.settings import AxisSettings
 
 F64 = NDArray[np.float64]
@@ -55,18 +52,8 @@ class FrictionMap(Effect):
     name = "friction_map"
     group = "friction"
     parameters = (
-        Parameter(
-            "amplitude",
-            "",
-            "largest deviation from 1",
-            (0.05, 0.3),
-            neutral=0.0,
-            least=0.0,
-            below=1.0,
-        ),
-        Parameter(
-            "length", "m", "correlation length", (0.02, 0.1), role="shape", least=5e-3, log=True
-        ),
+        size("amplitude", "", "largest deviation from 1", (0.05, 0.3), least=0.0, below=1.0),
+        shape("length", "m", "correlation length", (0.02, 0.1), least=5e-3),
         Parameter(
             "seed",
             "",
@@ -79,13 +66,10 @@ class FrictionMap(Effect):
     equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within ±1, drawn from seed"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Calibrate a few dozen sites and use the friction map in the feedforward."
-    compensation = Compensation(
-        "a factor on the Coulomb force of the friction model along the planned path",
-        "estimation.known_effects.inverses:friction_map",
-    )
+    compensation = FRICTION_FACTOR
     searched = False
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`. The nodes cover this axis' travel, on both axes."""
         length = parameters["length"]
         low, high = ports.axis.travel
@@ -96,7 +80,7 @@ class FrictionMap(Effect):
         )
         ports.scale_field_coulomb(nodes, nodes, values)
 
-    def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
+    def refusal(self, parameters: Values, axis: AxisSettings) -> str | None:
         """See `Effect.refusal`: a finer field would need too many nodes."""
         span = axis.travel[1] - axis.travel[0]
         if parameters["length"] < span / 100.0:

@@ -20,7 +20,7 @@ from hil_sim.settings import AxisSettings
 GROUP = "stagectl.effects"
 """Entry-point group of effects in other packages."""
 
-_NO_EFFECT = ("effect", "library", "ports", "vibration_mode")  # modules that define none
+_NO_EFFECT = ("effect", "library", "parameter", "ports")  # modules that define none
 
 
 class EffectError(ValueError):

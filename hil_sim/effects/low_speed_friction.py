@@ -1,13 +1,8 @@
 """Friction at creep speed that differs from that of sliding."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, shape, size
 
 _ROUNDED = 0.2
 """Share of `speed` over which the force passes through zero at a reversal, which presliding does
@@ -26,24 +21,14 @@ class LowSpeedFriction(Effect):
     group = "friction"
     transmission = True
     parameters = (
-        Parameter(
-            "ratio",
-            "",
-            "excess at lowest speed over Fc",
-            (0.2, 0.9),
-            signed=True,
-            neutral=0.0,
-            above=-2.0,
-        ),
-        Parameter(
+        size("ratio", "", "excess at lowest speed over Fc", (0.2, 0.9), signed=True, above=-2.0),
+        shape(
             "speed",
             "m/s",
             "speed over which it decays",
             (2e-3, 4e-2),
-            role="shape",
             relative_to="velocity limit",
             above=0.0,
-            log=True,
         ),
     )
     equation = "F_d += Fc ratio tanh(5 v/speed) exp(-abs(v)/speed)"
@@ -52,12 +37,9 @@ class LowSpeedFriction(Effect):
         "Identify friction at creep speed apart from that of sliding, and feed it forward over "
         "speed; a low level there calls for less compensation at reversals."
     )
-    compensation = Compensation(
-        "fed forward along the planned path",
-        "estimation.known_effects.inverses:low_speed_friction",
-    )
+    compensation = FED_FORWARD
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         level = ports.axis.friction.coulomb * parameters["ratio"]
         share = ports.velocities / parameters["speed"]

@@ -1,11 +1,6 @@
 """Moved mass that differs from the machine file."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, mass
 from hil_sim.settings import AxisSettings
 
 
@@ -18,33 +13,20 @@ class PayloadMass(Effect):
 
     name = "payload_mass"
     group = "mass"
-    parameters = (
-        Parameter(
-            "mass",
-            "kg",
-            "added to the moved mass",
-            (0.03, 0.15),
-            signed=True,
-            relative_to="mass",
-            neutral=0.0,
-        ),
-    )
+    parameters = (mass("added to the moved mass", (0.03, 0.15)),)
     equation = "m + mass (may be negative)"
     enters = "The moved mass m."
     remedy = (
         "Weigh the load or identify the mass from accelerations, and correct it in the "
         "machine file; the feedforward uses it."
     )
-    compensation = Compensation(
-        "in the mass of the feedforward",
-        "estimation.known_effects.inverses:payload_mass",
-    )
+    compensation = Compensation("in the mass of the feedforward", HOST)
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.mass += parameters["mass"]
 
-    def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
+    def refusal(self, parameters: Values, axis: AxisSettings) -> str | None:
         """See `Effect.refusal`."""
         if parameters["mass"] <= -axis.mass:
             return f"mass: leaves no mass of the axis' {axis.mass:g} kg"

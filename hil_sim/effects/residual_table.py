@@ -1,14 +1,11 @@
 """A force over position, direction and velocity as tables: a description of what is left over."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Parameter
 from hil_sim.settings import AxisSettings
 
 _STEEPEST = 0.5
@@ -40,7 +37,7 @@ class ResidualTable(Effect):
     compensation = Compensation(
         "forces fed forward, the factor as the Coulomb force of the friction model, along the "
         "planned path",
-        "estimation.known_effects.inverses:residual_table",
+        HOST,
     )
     searched = False
 
@@ -57,10 +54,8 @@ class ResidualTable(Effect):
         The factor `coulomb` counts as the force that it makes of the axis' Coulomb force.
         """
         period, coulomb = axis.control.period, axis.friction.coulomb
-        over_position, over_velocity = (
-            _STEEPEST * axis.mass / period**2,
-            _STEEPEST * axis.mass / period,
-        )
+        over_position = _STEEPEST * axis.mass / period**2
+        over_velocity = _STEEPEST * axis.mass / period
         for nodes, table, scale, steepest, unit in (
             ("position", "force", 1.0, over_position, "N/m"),
             ("position", "coulomb", coulomb, over_position, "N/m"),

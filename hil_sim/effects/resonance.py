@@ -1,12 +1,6 @@
 """A part of the moved mass that oscillates on the carriage."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect
-from hil_sim.effects.ports import EffectPorts
-from hil_sim.effects.vibration_mode import mode_parameters
+from hil_sim.effects import Compensation, Effect, EffectPorts, Values, oscillator
 
 
 class Resonance(Effect):
@@ -18,7 +12,7 @@ class Resonance(Effect):
 
     name = "resonance"
     group = "dynamics"
-    parameters = mode_parameters(
+    parameters = oscillator(
         frequency=("frequency of the free-free mode", (70.0, 160.0)),
         damping=("damping ratio of the free-free mode", (0.01, 0.04)),
         mass_ratio=("oscillating mass over moved mass", (0.1, 0.3)),
@@ -39,6 +33,6 @@ class Resonance(Effect):
         "it swings beyond the bandwidth of the position loop, and the encoder sees one part only"
     )
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.hang(parameters["mass_ratio"], parameters["frequency"], parameters["damping"])

@@ -1,11 +1,6 @@
 """Static friction that differs from the machine file."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import STARTED_WITH, Effect, EffectPorts, Values, size
 
 
 class Stribeck(Effect):
@@ -18,7 +13,7 @@ class Stribeck(Effect):
     name = "stribeck"
     group = "friction"
     parameters = (
-        Parameter(
+        size(
             "static_ratio",
             "",
             "excess of static over sliding friction, alpha",
@@ -33,11 +28,8 @@ class Stribeck(Effect):
         "Re-identify alpha from slow reversals; if the peak is large, relubricate, run the guides "
         "in, or keep the axis moving between sites."
     )
-    compensation = Compensation(
-        "in the figures that the host starts from",
-        "estimation.known_effects.inverses:stribeck",
-    )
+    compensation = STARTED_WITH
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.static_ratio = parameters["static_ratio"]

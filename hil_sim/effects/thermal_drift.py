@@ -1,11 +1,6 @@
 """Friction that falls while the axis warms up."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, shape, size
 
 
 class ThermalDrift(Effect):
@@ -18,25 +13,16 @@ class ThermalDrift(Effect):
     name = "thermal_drift"
     group = "friction"
     parameters = (
-        Parameter("amplitude", "", "increase at t = 0", (0.1, 0.4), neutral=0.0, least=-1.0),
-        Parameter(
-            "time_constant",
-            "s",
-            "time constant of its decay",
-            (3.0, 300.0),
-            role="shape",
-            above=0.0,
-            log=True,
-        ),
+        size("amplitude", "", "increase at t = 0", (0.1, 0.4), least=-1.0),
+        shape("time_constant", "s", "time constant of its decay", (3.0, 300.0), above=0.0),
     )
     equation = "Fc * (1 + amplitude exp(-t/time_constant))"
     enters = "A factor on Fc over time."
     remedy = "Warm the axis up before production, or track the friction level from move to move."
     compensation = Compensation(
-        "a factor on the Coulomb force of the friction model over time",
-        "estimation.known_effects.inverses:thermal_drift",
+        "a factor on the Coulomb force of the friction model over time", HOST
     )
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.decay_coulomb(parameters["amplitude"], parameters["time_constant"])

@@ -1,13 +1,9 @@
 """Motor torque that varies over the motor's angle."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import replace
 
+from hil_sim.effects import phase, pitch, share
 from hil_sim.effects.force_ripple import ForceRipple
-
-_RATIO, _PITCH, _PHASE = ForceRipple.parameters
 
 
 class TorqueRipple(ForceRipple):
@@ -20,14 +16,9 @@ class TorqueRipple(ForceRipple):
     name = "torque_ripple"
     transmission = True
     parameters = (
-        replace(_RATIO, meaning="amplitude over the mean torque", plausible=(0.01, 0.1)),
-        replace(
-            _PITCH,
-            plausible=(1e-3, 2e-2),
-            least=2e-4,
-            plausible_turning=(0.01, 2.0 * math.pi),
-        ),
-        _PHASE,
+        share("amplitude over the mean torque", (0.01, 0.1)),
+        pitch((1e-3, 2e-2), (0.01, 2.0 * math.pi), least=2e-4),
+        phase(),
     )
     remedy = (
         "Correct the commutation angle of the motor; then scale the torque demand with a table "

@@ -1,13 +1,10 @@
 """A force that repeats with each turn or tooth of the transmission."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
+from hil_sim.effects import phase, pitch
 from hil_sim.effects.cogging import Cogging
-
-_AMPLITUDE, _PITCH, _PHASE = Cogging.parameters
 
 
 class TransmissionRipple(Cogging):
@@ -20,14 +17,9 @@ class TransmissionRipple(Cogging):
     name = "transmission_ripple"
     transmission = True
     parameters = (
-        replace(_AMPLITUDE, plausible=(0.02, 0.2)),
-        replace(
-            _PITCH,
-            plausible=(1e-3, 2e-2),
-            least=2e-4,
-            plausible_turning=(0.01, 2.0 * math.pi),
-        ),
-        _PHASE,
+        replace(Cogging.parameters[0], plausible=(0.02, 0.2)),
+        pitch((1e-3, 2e-2), (0.01, 2.0 * math.pi), least=2e-4),
+        phase(),
     )
     remedy = (
         "Compare the pitch with the lead, its fractions and the motor's poles: align coupling and "

@@ -1,13 +1,8 @@
 """The weight of what a rotary axis carries."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, phase, size
 from hil_sim.settings import AxisSettings
 
 
@@ -22,29 +17,21 @@ class Unbalance(Effect):
     group = "force"
     transmission = True
     parameters = (
-        Parameter(
-            "torque",
-            "N m",
-            "largest torque of the weight",
-            (0.02, 1.0),
-            neutral=0.0,
-            relative_to="rated force",
+        size(
+            "torque", "N m", "largest torque of the weight", (0.02, 1.0), relative_to="rated force"
         ),
-        Parameter("phase", "rad", "phase at position 0", None, role="phase"),
+        phase(),
     )
     equation = "F_d += torque sin(x + phase), rotary axes only"
     enters = "A disturbance torque over the angle of a rotary axis."
     remedy = "Balance the load, or feed the torque of its weight forward over the angle."
-    compensation = Compensation(
-        "fed forward along the planned path",
-        "estimation.known_effects.inverses:unbalance",
-    )
+    compensation = FED_FORWARD
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         angle = ports.positions + parameters["phase"]
         ports.add_position_force(parameters["torque"] * np.sin(angle))
 
-    def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
+    def refusal(self, parameters: Values, axis: AxisSettings) -> str | None:
         """See `Effect.refusal`."""
         return None if axis.rotary else f"axis {axis.name} is not rotary"

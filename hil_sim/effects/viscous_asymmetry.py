@@ -1,13 +1,8 @@
 """Viscous friction that depends on the direction of motion."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
 import numpy as np
 
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, share
 
 
 class ViscousAsymmetry(Effect):
@@ -21,15 +16,8 @@ class ViscousAsymmetry(Effect):
     group = "friction"
     transmission = True
     parameters = (
-        Parameter(
-            "ratio",
-            "",
-            "half the difference between the directions over their mean",
-            (0.05, 0.4),
-            signed=True,
-            neutral=0.0,
-            above=-1.0,
-            below=1.0,
+        share(
+            "half the difference between the directions over their mean", (0.05, 0.4), signed=True
         ),
     )
     equation = "sigma_v * (1 + ratio sgn v)"
@@ -38,11 +26,8 @@ class ViscousAsymmetry(Effect):
         "Feed viscous friction forward with one coefficient per direction; check lubricant, seals "
         "and the alignment of screw and nut."
     )
-    compensation = Compensation(
-        "fed forward along the planned path",
-        "estimation.known_effects.inverses:viscous_asymmetry",
-    )
+    compensation = FED_FORWARD
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.add_velocity_force(parameters["ratio"] * ports.viscous * np.abs(ports.velocities))

@@ -1,11 +1,6 @@
 """Viscous friction that differs from the machine file."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-
-from hil_sim.effects.effect import Compensation, Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import STARTED_WITH, Effect, EffectPorts, Values, factor
 
 
 class ViscousDamping(Effect):
@@ -17,27 +12,15 @@ class ViscousDamping(Effect):
 
     name = "viscous_damping"
     group = "friction"
-    parameters = (
-        Parameter(
-            "ratio",
-            "",
-            "viscous coefficient over the nominal one",
-            (0.3, 2.2),
-            neutral=1.0,
-            above=0.0,
-        ),
-    )
+    parameters = (factor("viscous coefficient over the nominal one", (0.3, 2.2)),)
     equation = "sigma_v * ratio"
     enters = "The coefficient sigma_v."
     remedy = (
         "Re-identify sigma_v from moves at several speeds; if the lubricant causes it, warm the "
         "axis up before production."
     )
-    compensation = Compensation(
-        "in the figures that the host starts from",
-        "estimation.known_effects.inverses:viscous_damping",
-    )
+    compensation = STARTED_WITH
 
-    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         ports.viscous *= parameters["ratio"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 from sim2real.attribution.levels import level_course
 from sim2real.attribution.signature import effect_inputs, first_order_signature

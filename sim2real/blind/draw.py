@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil_sim.effects.effect import AppliedEffect, Effect, Parameter
+from hil_sim.effects import AppliedEffect, Effect, Parameter
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from sim2real.blind.unlisted_effects import UnlistedEffect

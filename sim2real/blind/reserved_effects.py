@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Parameter
+from hil_sim.effects import Parameter
 from hil_sim.effects.ports import EffectPorts
 from sim2real.blind.unlisted_effects import UNLISTED, UNLISTED_VARIANTS, UnlistedEffect
 

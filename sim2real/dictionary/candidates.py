@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.dictionary.nodes import (
     FIRST_ORDER,

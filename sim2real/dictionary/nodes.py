@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
 
 Values = tuple[float, ...]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.fitting.axis_model import Term
 

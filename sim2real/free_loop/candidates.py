@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.dictionary import Dictionary, Linearised, midrange

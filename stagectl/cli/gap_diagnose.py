@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.text import Text
 
-    from hil_sim.effects.effect import Value
+    from hil_sim.effects import Value
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis

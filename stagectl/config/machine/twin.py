@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from hil_sim.effects.effect import Value
+from hil_sim.effects import Value
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.machine.model import Machine
 from stagectl.errors import StagectlError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.library import EffectError, library
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import SUBSTEPS, AxisSettings

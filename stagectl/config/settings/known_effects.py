@@ -56,10 +56,12 @@ def known_effects(
     found = []
     for name, axis in machine.axes.items():
         for wanted in axis.effects:
-            declared = _find(wanted.name, machine).compensation
-            how = declared.text if compensating else "of all forces only the mass's is fed forward"
-            done = compensating and declared.inverse is not None
-            if done and mapped and _is_on_map(declared.inverse, wanted):
+            effect = _find(wanted.name, machine)
+            how = "of all forces only the mass's is fed forward"
+            if compensating:
+                how = effect.compensation.text
+            done = compensating and effect.compensation.inverse is not None
+            if done and mapped and _is_on_map(effect, wanted):
                 done, how = False, "friction over place and time is measured, with the effect in it"
             found.append(KnownEffect(name, wanted.name, done, how))
     return tuple(found)
@@ -82,15 +84,16 @@ def known_terms(machine: Machine, mapped: bool = False) -> dict[str, KnownTerms]
         stage_settings(machine)  # checks them
     for name, axis in machine.axes.items():
         for wanted in axis.effects:
-            inverse = _find(wanted.name, machine).compensation.inverse
-            if inverse is not None:
+            effect = _find(wanted.name, machine)
+            if effect.compensation.inverse is not None:
                 terms = known.setdefault(name, KnownTerms())
                 try:
-                    _load(inverse)(terms, wanted.parameters)
+                    _inverse(effect)(terms, wanted.parameters)
                 except Exception as error:
                     raise ConfigError(
                         f"{machine.source}: axes.{name}.effects: {wanted.name}: its inverse "
-                        f"{inverse} cannot be used: {type(error).__name__}: {error}"
+                        f"{effect.compensation.inverse} cannot be used: "
+                        f"{type(error).__name__}: {error}"
                     ) from error
     if mapped:
         for terms in known.values():
@@ -108,12 +111,10 @@ def axis_as_known(axis: Axis, terms: KnownTerms) -> Axis:
     return axis.model_copy(update={"plant": plant, "drive": drive})
 
 
-def _is_on_map(inverse: str | None, wanted: Wanted) -> bool:
+def _is_on_map(effect: Effect, wanted: Wanted) -> bool:
     """Whether an effect is a factor on the Coulomb force over place or time, and nothing else."""
-    if inverse is None:
-        return False
     terms = KnownTerms()
-    _load(inverse)(terms, wanted.parameters)
+    _inverse(effect)(terms, wanted.parameters)
     return bool(terms.table_factors or terms.time_factors) and not terms.has_forces
 
 
@@ -127,8 +128,8 @@ def _find(name: str, machine: Machine) -> Effect:
     return found
 
 
-def _load(inverse: str) -> Callable[[KnownTerms, Mapping[str, float]], object]:
-    module, _, function = inverse.partition(":")
+def _inverse(effect: Effect) -> Callable[[KnownTerms, Mapping[str, float]], object]:
+    module, _, function = (effect.compensation.inverse or "").partition(":")
     loaded: Callable[[KnownTerms, Mapping[str, float]], object]
-    loaded = getattr(import_module(module), function)
+    loaded = getattr(import_module(module), function or effect.name)
     return loaded

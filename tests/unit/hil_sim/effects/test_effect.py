@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects import Effect, Parameter
 
 MASS = Parameter("mass", "kg", "added mass", (0.1, 2.0), neutral=0.0, above=-5.0, below=100.0)
 COUNT = Parameter("count", "", "how many", (1.0, 3.0), role="shape", least=1.0)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from hil_sim.effects.vibration_mode import mode_parameters
+from hil_sim.effects import oscillator
 
-FREQUENCY, DAMPING, RATIO = mode_parameters(
+FREQUENCY, DAMPING, RATIO = oscillator(
     ("of a part", (50.0, 300.0)), ("of its mount", (0.01, 0.1)), ("of the part", (0.02, 0.2))
 )
 
