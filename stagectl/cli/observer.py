@@ -163,7 +163,7 @@ def _show(
     if measurement is not None:
         responses = {}
         for name, axis in machine.axes.items():
-            objection = measurement.objection(name, axis, period, simulated=True)
+            objection = measurement.objection(machine, name, simulated=True)
             responses[name] = objection or measurement.axes[name].response
             if name in measurement.axes:
                 findings[name] = find_contradictions(
@@ -183,6 +183,8 @@ def _show(
         return
     console = console_for(json_out)
     console.print(_table(designs, machine.name, measurement))
+    if measurement is not None and measurement.machine != machine.name:
+        console.print(f"{measurement.source} is of {measurement.machine}, not of {machine.name}")
     for name, found in findings.items():
         for clause in found.contradictions:
             console.print(f"axis {name}: {clause}")

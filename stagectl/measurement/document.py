@@ -8,11 +8,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from estimation.response import AxisResponse, FrequencyResponse
 from stagectl.config.machine import Axis, Machine
@@ -93,15 +94,12 @@ class Measurement:
              "machine": self.machine, "axes": axes}
         )  # fmt: skip
 
-    def objection(
-        self, name: str, axis: Axis, period: float, simulated: bool = False
-    ) -> str | None:
+    def objection(self, machine: Machine, name: str, simulated: bool = False) -> str | None:
         """Why the measurement says nothing of an axis of a machine file; None where it does.
 
         Args:
+            machine: as its file has it now.
             name: of the axis.
-            axis: as the machine file has it now.
-            period: Ts [s].
             simulated: what has changed since does not matter.
         """
         measured = self.axes.get(name)
@@ -111,7 +109,9 @@ class Measurement:
             return None
         if self.measured is None:
             return "that measurement is of a virtual stage"
-        for key, now in settings_of(axis, period).items():
+        if self.machine != machine.name:
+            return f"{self.source} is of {self.machine}, not of {machine.name}"
+        for key, now in settings_of(machine.axes[name], machine.bus.sync_period).items():
             then = measured.settings.get(key)
             if then is None or abs(then - now) > 1e-9 * abs(now):
                 before = "without it" if then is None else f"with {then:g}"
@@ -243,6 +243,14 @@ class _File(_Part):
     measured: str | None
     machine: str
     axes: Mapping[str, _Axis] = Field(min_length=1, max_length=8)
+
+    @field_validator("measured")
+    @classmethod
+    def _with_zone(cls, moment: str | None) -> str | None:
+        """When an observer that was taken out counts from: both have to be comparable."""
+        if moment is not None and datetime.fromisoformat(moment).tzinfo is None:
+            raise ValueError("has no time zone")
+        return moment
 
 
 def _as_lists(response: FrequencyResponse) -> dict[str, Any]:

@@ -58,10 +58,8 @@ class Observers:
         if self._measurement is None:
             return dict.fromkeys(self._machine.axes, UNMEASURED)
         found: dict[str, AxisResponse | str] = {}
-        for name, axis in self._machine.axes.items():
-            objection = self._measurement.objection(
-                name, axis, self._machine.bus.sync_period, self._simulated
-            )
+        for name in self._machine.axes:
+            objection = self._measurement.objection(self._machine, name, self._simulated)
             found[name] = (
                 self._measurement.axes[name].response
                 if objection is None

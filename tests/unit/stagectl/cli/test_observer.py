@@ -1,17 +1,19 @@
 """`stagectl observer`: measuring, designing, and what a run makes of a measurement."""
 
 import json
+import re
 from importlib import resources
 
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.shared.other_stages import with_gains
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.cli import cli
 from stagectl.config import stage_settings
 from stagectl.errors import Aborted
-from tests.unit.stagectl.run.whole import SITES
+from tests.unit.stagectl.run.whole import OVER_CURRENT, SITES
 
 
 def call(*arguments, **options):
@@ -116,3 +118,90 @@ def test_a_run_on_a_bus_has_no_observer_unless_measured(files, bus):
     assert trusted.exit_code == 0, trusted.output
     assert observers(files / "b")["x"]["on"]
     assert not observers(files / "b")["y"]["on"]
+
+
+SLOW = """\
+recipe: slow
+macro: {velocity: 0.01, acceleration: 0.5, jerk: 50}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+moves: [{to: [0.004, 0.004]}, {to: [0, 0]}, {to: [0.004, 0.004]}]
+"""
+
+
+def soft(machine):
+    """The stage with half of the drives' gains."""
+    return with_gains(machine, dict.fromkeys(("kp", "ki", "kd"), 0.5))
+
+
+@pytest.fixture
+def changed(machine, request):
+    """A bus with drives whose gains are half of the machine file's; drive y fails in time."""
+    world = World(request.node.name)
+    drives = VirtualStage(stage_settings(soft(machine)), 1)
+    drives.attach(world)
+
+    def fail(after_ns):
+        world.at(world.now_ns + after_ns, lambda: drives.drives[1].inject_fault(OVER_CURRENT))
+
+    return f"lockstep:{world.name}", fail
+
+
+def watched(folder):
+    """Axis -> whether its observer is on or why not; which the watchdog took out."""
+    summary = json.loads((folder / "summary.json").read_text())
+    observers = {name: axis.get("reason", axis["on"]) for name, axis in summary["observer"].items()}
+    return observers, {e["axis"] for e in summary.get("watchdog", []) if e["out"]}
+
+
+def test_an_observer_that_is_out_stays_out_on_a_real_stage_until_it_is_measured(
+    files, bus, changed
+):
+    where, fail = changed
+    (files / "slow.yaml").write_text(SLOW)
+    run = ("run", "slow.yaml", "--machine", "m.yaml", "--bus")
+    measured = call("observer", "--measure", "--yes", "--machine", "m.yaml", "--bus", bus)
+    assert measured.exit_code == 0, measured.output
+    fail(3_500_000_000)
+    ended = call(*run, where, "--out", "a")
+    assert "over-current" in str(ended.exception)
+    assert watched(files / "a") == ({"x": True, "y": True}, {"x", "y"})
+    assert "(m.observer-out.json) until the stage is measured" in " ".join(ended.output.split())
+    reset = call("enable", "--machine", "m.yaml", "--bus", where, "--hold", "0", "--reset")
+    assert reset.exit_code == 0, reset.output
+    resumed = call(*run, where, "--resume", "a", "--out", "b")
+    assert resumed.exit_code == 0, resumed.output
+    observers, found = watched(files / "b")
+    assert found == set()
+    assert all("the observer fed an oscillation" in reason for reason in observers.values())
+    again = call("observer", "--measure", "--yes", "--machine", "m.yaml", "--bus", where)
+    assert again.exit_code == 0, again.output
+    assert "kp, ki and kd are 0.4" in " ".join(again.output.split())
+    assert call(*run, where, "--out", "c").exit_code == 0
+    assert watched(files / "c") == ({"x": True, "y": True}, set())
+
+
+def test_an_observer_that_is_out_is_replayed_and_begins_afresh_on_a_virtual_stage(
+    files, machine, monkeypatch
+):
+    (files / "slow.yaml").write_text(SLOW)
+    (files / "faults.yaml").write_text(
+        "faults: [{fault: drive, axis: y, error: over_current, at: 3.5 s}]\n"
+    )
+    packaged = (files / "m.yaml").read_text()
+    for name in ("kp", "ki", "kd"):
+        packaged = re.sub(
+            rf"\b{name}: ([0-9.]+)", lambda m, n=name: f"{n}: {float(m[1]) / 2}", packaged
+        )
+    (files / "soft.yaml").write_text(packaged)
+    call("observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json")
+    run = ("run", "slow.yaml", "--machine", "m.yaml", "--simulate", "soft.yaml")
+    ended = call(*run, "--measurement", "v.json", "--faults", "faults.yaml", "--out", "a")
+    assert "over-current" in str(ended.exception)
+    assert watched(files / "a") == ({"x": True, "y": True}, {"x", "y"})
+    assert not (files / "m.observer-out.json").exists()
+    assert call("replay", "a").exit_code == 0
+    resumed = call(*run, "--resume", "a", "--out", "b")
+    assert resumed.exit_code == 0, resumed.output
+    assert watched(files / "b") == ({"x": True, "y": True}, {"x", "y"})
+    assert call("replay", "b").exit_code == 0

@@ -23,7 +23,7 @@ def entry():
 def text(change=lambda _: None):
     whole = {
         "format": "stagectl-response", "version": 1, "measured": "2026-01-01T00:00:00+00:00",
-        "machine": "m", "axes": {"x": entry()},
+        "machine": "wafer-xy", "axes": {"x": entry()},
     }  # fmt: skip
     whole = json.loads(json.dumps(whole))  # nothing in it is shared
     change(whole)
@@ -50,6 +50,8 @@ def at(*path):
     ("path", "value", "reason"),
     [
         (("version",), 2, "version"),
+        (("measured",), "yesterday", "measured: Value error, Invalid isoformat string"),
+        (("measured",), "2026-01-01T00:00:00", "measured: Value error, has no time zone"),
         (("axes",), {}, "axes"),
         (("axes", "x", "rest", "offset", "real"), [1e-6], "rest.offset: at, real, imaginary and"),
         (
@@ -91,20 +93,26 @@ def test_a_missing_file(tmp_path):
 
 def test_it_is_void_after_a_change(machine):
     found = parse_measurement(text(), "m.json")
+    assert found.objection(machine, "x") is None
+    bus = machine.bus.model_copy(update={"sync_period": 2e-3})
+    slower = machine.model_copy(update={"bus": bus})
+    assert "bus.sync_period is 0.002" in found.objection(slower, "x")
     x = machine.axes["x"]
-    assert found.objection("x", x, 1e-3) is None
-    assert "bus.sync_period is 0.002" in found.objection("x", x, 2e-3)
     pid = x.drive.pid.model_copy(update={"kp": 300e3})
-    other = x.model_copy(update={"drive": x.drive.model_copy(update={"pid": pid})})
-    said = found.objection("x", other, 1e-3)
+    x = x.model_copy(update={"drive": x.drive.model_copy(update={"pid": pid})})
+    other = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    said = found.objection(other, "x")
     assert said == "drive.pid.kp is 300000; it was measured with 341000"
-    assert found.objection("x", other, 1e-3, simulated=True) is None
-    assert found.objection("y", x, 1e-3) == "not in m.json"
+    assert found.objection(other, "x", simulated=True) is None
+    assert found.objection(machine, "y") == "not in m.json"
 
 
-def test_a_virtual_stage_says_nothing_of_a_real_one(machine):
+def test_a_virtual_stage_or_another_one_says_nothing_of_a_real_one(machine):
     found = parse_measurement(text(lambda whole: whole.update(measured=None)), "m.json")
-    assert "virtual stage" in found.objection("x", machine.axes["x"], 1e-3)
+    assert "virtual stage" in found.objection(machine, "x")
+    found = parse_measurement(text(lambda whole: whole.update(machine="other")), "m.json")
+    assert found.objection(machine, "x") == "m.json is of other, not of wafer-xy"
+    assert found.objection(machine, "x", simulated=True) is None
 
 
 def test_it_lies_beside_the_machine_file(machine, tmp_path):
