@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 
+from drivers.canopen import NMT_STATES
 from drivers.commissioning.conformance.pdo_setup import INVALID, restore_pdos
 from drivers.commissioning.conformance.probe import (
     ABSENT_OBJECT,
     ABSENT_SUB,
+    OTHER_HOST,
     Check,
-    Finding,
     Probe,
     Verdict,
 )
@@ -21,82 +21,75 @@ _LENGTH = (0x06070010, 0x06070012)
 _NOT_MAPPABLE, _TOO_LONG = 0x06040041, 0x06040042
 _NO_RTR = 1 << 30
 _BEAT_MS = 50
-_OTHER_HOST = 126
 _MAPPED_STATUSWORD, _MAPPED_POSITION, _MAPPED_CONTROLWORD = 0x60410010, 0x60640020, 0x60400010
+_MANDATORY = {0x6040: "controlword", 0x6041: "statusword", 0x6060: "mode"}
+_OPTIONAL = (
+    (0x6007, 0, "abort connection option"),
+    (0x603F, 0, "error code"),
+    (0x6061, 0, "mode display"),
+    (0x6077, 0, "torque actual value"),
+    (0x608F, 1, "factor group"),
+    (0x60B2, 0, "torque offset"),
+    (0x60C2, 1, "interpolation period"),
+    (0x60F4, 0, "following error"),
+    (0x6502, 0, "modes offered"),
+)
 
 
-def identity(probe: Probe) -> Iterator[Finding]:
+def identity(probe: Probe) -> None:
     """Mandatory objects and their values."""
     kind = probe.read(0x1000)
-    yield probe.expect("0x1000 names profile 402", kind & 0xFFFF == 402, f"is 0x{kind:08X}")
+    probe.expect("0x1000 names profile 402", kind & 0xFFFF == 402, f"is 0x{kind:08X}")
     code = probe.abort_code(lambda: probe.read(0x1001))
-    yield probe.expect("0x1001 can be read", code is None, f"abort 0x{code or 0:08X}")
+    probe.expect("0x1001 can be read", code is None, f"abort 0x{code or 0:08X}")
     vendor = probe.read(0x1018, 1)
-    yield probe.expect("0x1018:01 holds a vendor", vendor != 0, "is 0")
-    for index, name in ((0x6040, "controlword"), (0x6041, "statusword"), (0x6060, "mode")):
+    probe.expect("0x1018:01 holds a vendor", vendor != 0, "is 0")
+    for index, name in _MANDATORY.items():
         code = probe.abort_code(lambda i=index: probe.read(i))  # type: ignore[misc]
-        yield probe.expect(f"0x{index:04X} {name} is there", code is None, f"abort 0x{code or 0:X}")
-    for index, name in (
-        (0x6007, "abort connection option"), (0x603F, "error code"), (0x6061, "mode display"),
-        (0x6077, "torque actual value"), (0x608F, "factor group"), (0x60B2, "torque offset"),
-        (0x60C2, "interpolation period"), (0x60F4, "following error"), (0x6502, "modes offered"),
-    ):  # fmt: skip
-        sub = 1 if index in (0x608F, 0x60C2) else 0
+        probe.expect(f"0x{index:04X} {name} is there", code is None, f"abort 0x{code or 0:X}")
+    for index, sub, name in _OPTIONAL:
         label = f"0x{index:04X} {name} is there"
         if probe.offers(index, sub):
-            yield Finding(probe.group, label, Verdict.PASS)
+            probe.note(label, Verdict.PASS)
         else:
-            yield probe.absent(label, "")
+            probe.absent(label)
 
 
-def abort_codes(probe: Probe) -> Iterator[Finding]:
+def abort_codes(probe: Probe) -> None:
     """Accesses that have to be refused, and their abort codes."""
-    yield probe.refusal("read of an absent object", lambda: probe.raw(0x1FFF), ABSENT_OBJECT)
-    yield probe.refusal(
-        "write of an absent object", lambda: probe.write_raw(0x1FFF, 0, b"\0"), ABSENT_OBJECT
-    )
-    yield probe.refusal("read of an absent sub-index", lambda: probe.raw(0x1018, 200), ABSENT_SUB)
-    yield probe.refusal(
-        "write of the statusword", lambda: probe.write_raw(0x6041, 0, b"\0\0"), _READ_ONLY
-    )
-    yield probe.refusal(
-        "write of the device type", lambda: probe.write_raw(0x1000, 0, bytes(4)), _READ_ONLY
-    )
-    yield probe.refusal(
-        "controlword of four bytes", lambda: probe.write_raw(0x6040, 0, bytes(4)), *_LENGTH
-    )
+    read, write, refusal = probe.raw, probe.write_raw, probe.refusal
+    refusal("read of an absent object", lambda: read(0x1FFF), ABSENT_OBJECT)
+    refusal("write of an absent object", lambda: write(0x1FFF, 0, b"\0"), ABSENT_OBJECT)
+    refusal("read of an absent sub-index", lambda: read(0x1018, 200), ABSENT_SUB)
+    refusal("write of the statusword", lambda: write(0x6041, 0, b"\0\0"), _READ_ONLY)
+    refusal("write of the device type", lambda: write(0x1000, 0, bytes(4)), _READ_ONLY)
+    refusal("controlword of four bytes", lambda: write(0x6040, 0, bytes(4)), *_LENGTH)
     if probe.offers(0x1008):
         plain, block = probe.raw(0x1008), probe.raw(0x1008, block=True)
-        yield probe.expect(
-            "block and plain upload agree", plain == block, f"{plain.hex(' ')}, {block.hex(' ')}"
-        )
+        both = f"{plain.hex(' ')}, {block.hex(' ')}"
+        probe.expect("block and plain upload agree", plain == block, both)
 
 
-def network_management(probe: Probe) -> Iterator[Finding]:
+def network_management(probe: Probe) -> None:
     """NMT states shown by the heartbeat, boot-up, heartbeats produced and consumed."""
     _restore_communication(probe)
     probe.change(0x1017, 0, _BEAT_MS)
-    for command, state, name in (
-        (1, 5, "OPERATIONAL"),
-        (2, 4, "STOPPED"),
-        (128, 127, "PRE-OPERATIONAL"),
-    ):
+    for command, state in ((1, 5), (2, 4), (128, 127)):
         probe.nmt(command)
         probe.beats.clear()
         probe.network.pump(3.5 * _BEAT_MS * 1e-3)
         shown = {s for _, s in probe.beats}
-        yield probe.expect(f"heartbeat shows {name}", shown == {state}, f"shows {sorted(shown)}")
+        name = f"heartbeat shows {NMT_STATES[state].upper()}"
+        probe.expect(name, shown == {state}, f"shows {sorted(shown)}")
     probe.beats.clear()
     probe.network.pump(20.5 * _BEAT_MS * 1e-3)
     count = len(probe.beats)
-    yield probe.expect(
-        f"20 heartbeats of {_BEAT_MS} ms a second", 17 <= count <= 22, f"{count} a second"
-    )
-    yield from _heartbeat_consumer(probe)
+    probe.expect(f"20 heartbeats of {_BEAT_MS} ms a second", 17 <= count <= 22, f"{count} a second")
+    _heartbeat_consumer(probe)
     probe.beats.clear()
     probe.nmt(130)
     booted = probe.wait(lambda: any(s == 0 for _, s in probe.beats), 2.0)
-    yield probe.expect("boot-up message after reset communication", booted, "none within 2 s")
+    probe.expect("boot-up message after reset communication", booted, "none within 2 s")
 
 
 def _restore_communication(probe: Probe) -> None:
@@ -111,62 +104,53 @@ def _restore_communication(probe: Probe) -> None:
             probe.restore_later(index, sub)
 
 
-def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
+def _heartbeat_consumer(probe: Probe) -> None:
     name = "EMCY 0x8130 when a watched heartbeat ends"
     if not probe.offers(0x1016, 1):
-        yield probe.absent(name, "0x1016")
+        probe.absent(name, "0x1016")
         return
     probe.keep_nmt_state_on_host_loss()
-    probe.emergencies.clear()
-    probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
-    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    probe.watch_another_host()
     heard = probe.wait(lambda: 0x8130 in probe.emergencies, 1.0)
-    yield probe.expect(name, heard, probe.fault_text())
-    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    probe.expect(name, heard, probe.fault_text())
+    probe.network.send_message(0x700 + OTHER_HOST, b"\x05")
     probe.write(0x1016, 1, 0)
 
 
-def mapping(probe: Probe) -> Iterator[Finding]:
+def mapping(probe: Probe) -> None:
     """Mapping in the order of CiA 301, 7.5.2.36, and what has to be refused during it."""
     restore_pdos(probe, 0x1800, 0x1400)
     base = (0x180 + probe.node) | (probe.read(0x1800, 1) & _NO_RTR)
     _invalidate(probe, 0x1800)
-    yield probe.refusal(
-        "entry while there is a count", lambda: _entry_under_count(probe), _UNSUPPORTED
-    )
+    probe.refusal("entry while there is a count", lambda: _entry_under_count(probe), _UNSUPPORTED)
     probe.write(0x1A00, 0, 0)
-    yield probe.refusal(
+    probe.refusal(
         "mapping of an absent object",
         lambda: _map(probe, 0x1A00, 0x1FFF0008),
-        ABSENT_OBJECT, _NOT_MAPPABLE,
-    )  # fmt: skip
-    probe.write(0x1A00, 0, 0)
-    yield probe.refusal(
-        "mapping of 0x1018:01", lambda: _map(probe, 0x1A00, 0x10180120), _NOT_MAPPABLE
+        ABSENT_OBJECT,
+        _NOT_MAPPABLE,
     )
     probe.write(0x1A00, 0, 0)
-    yield probe.refusal(
+    probe.refusal("mapping of 0x1018:01", lambda: _map(probe, 0x1A00, 0x10180120), _NOT_MAPPABLE)
+    probe.write(0x1A00, 0, 0)
+    probe.refusal(
         "mapping of the statusword as an RPDO",
-        lambda: _map_rpdo(probe, _MAPPED_STATUSWORD), _NOT_MAPPABLE,
-    )  # fmt: skip
-    yield probe.refusal(
-        "more than 64 bits",
-        lambda: _map(probe, 0x1A00, *[_MAPPED_POSITION] * 3), _TOO_LONG,
-    )  # fmt: skip
+        lambda: _map_rpdo(probe, _MAPPED_STATUSWORD),
+        _NOT_MAPPABLE,
+    )
+    probe.refusal(
+        "more than 64 bits", lambda: _map(probe, 0x1A00, *[_MAPPED_POSITION] * 3), _TOO_LONG
+    )
     probe.write(0x1A00, 0, 0)
     _map(probe, 0x1A00, _MAPPED_STATUSWORD, _MAPPED_POSITION)
     probe.write(0x1800, 2, 1)
     probe.write(0x1800, 1, base)
     held = [probe.read(0x1A00, s) for s in range(3)]
-    yield probe.expect(
-        "the mapping reads back",
-        held == [2, _MAPPED_STATUSWORD, _MAPPED_POSITION], " ".join(f"{v:X}" for v in held),
-    )  # fmt: skip
-    yield probe.refusal(
-        "mapping while the PDO is valid", lambda: probe.write(0x1A00, 0, 0), _UNSUPPORTED
-    )
-    yield from _synchronous(probe)
-    yield from _latch(probe)
+    same = held == [2, _MAPPED_STATUSWORD, _MAPPED_POSITION]
+    probe.expect("the mapping reads back", same, " ".join(f"{v:X}" for v in held))
+    probe.refusal("mapping while the PDO is valid", lambda: probe.write(0x1A00, 0, 0), _UNSUPPORTED)
+    _synchronous(probe)
+    _latch(probe)
 
 
 def _entry_under_count(probe: Probe) -> None:
@@ -203,30 +187,28 @@ def _sync(probe: Probe, count: int) -> list[bytes]:
     return [data for can_id, data in probe.tpdos if can_id == 0x180 + probe.node]
 
 
-def _synchronous(probe: Probe) -> Iterator[Finding]:
+def _synchronous(probe: Probe) -> None:
     frames = _sync(probe, 3)
-    yield probe.expect("no TPDO while PRE-OPERATIONAL", not frames, f"{len(frames)} came")
+    probe.expect("no TPDO while PRE-OPERATIONAL", not frames, f"{len(frames)} came")
     probe.nmt(1)
     frames = _sync(probe, 6)
     good = len(frames) == 6 and all(len(f) == 6 for f in frames)
-    yield probe.expect(
-        "type 1: a TPDO of six bytes for every SYNC", good, f"6 SYNCs: {len(frames)} frames"
-    )
+    count = f"6 SYNCs: {len(frames)} frames"
+    probe.expect("type 1: a TPDO of six bytes for every SYNC", good, count)
     if good:
         word, position = struct.unpack("<Hi", frames[-1])
         same = word == probe.statusword() and abs(position - probe.read(0x6064)) < 10_000
-        yield probe.expect("the TPDO holds what SDO reads", same, f"0x{word:04X}, {position}")
+        probe.expect("the TPDO holds what SDO reads", same, f"0x{word:04X}, {position}")
     cob = probe.read(0x1800, 1)
     probe.write(0x1800, 1, cob | INVALID)
     probe.write(0x1800, 2, 3)
     probe.write(0x1800, 1, cob)
     frames = _sync(probe, 6)
-    yield probe.expect(
-        "type 3: a TPDO for every third SYNC", len(frames) == 2, f"6 SYNCs: {len(frames)} frames"
-    )
+    count = f"6 SYNCs: {len(frames)} frames"
+    probe.expect("type 3: a TPDO for every third SYNC", len(frames) == 2, count)
 
 
-def _latch(probe: Probe) -> Iterator[Finding]:
+def _latch(probe: Probe) -> None:
     """A synchronous RPDO takes effect at the SYNC, not before."""
     probe.nmt(128)
     cob = probe.read(0x1400, 1)
@@ -239,13 +221,10 @@ def _latch(probe: Probe) -> Iterator[Finding]:
     probe.nmt(1)
     probe.network.send_message(0x200 + probe.node, struct.pack("<H", Command.SHUTDOWN))
     probe.network.pump(0.05)
-    yield probe.expect(
-        "a synchronous RPDO waits for the SYNC",
-        probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
-    )  # fmt: skip
+    probe.expect_state("a synchronous RPDO waits for the SYNC", State.SWITCH_ON_DISABLED)
     _sync(probe, 2)
     reached = probe.reaches(State.READY_TO_SWITCH_ON)
-    yield probe.expect("and takes effect at it", reached, probe.shown())
+    probe.expect("and takes effect at it", reached)
     probe.nmt(128)
 
 

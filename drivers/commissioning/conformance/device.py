@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from drivers.commissioning.conformance.probe import Check, Finding, Probe
+from drivers.commissioning.conformance.probe import STATE_TIMEOUT, Check, Probe
 from drivers.drive import TRANSITIONS, Command, State, Status, next_command
 
-_OTHER_HOST = 126
 _FAULT_OPTION = 1
 """0x6007: loss of the host is a fault."""
 _QUIET = 0.05
@@ -15,7 +12,7 @@ _MODES = {1: "pp", 3: "pv", 4: "tq", 6: "hm", 7: "ip", 8: "csp", 9: "csv", 10: "
 _RANGE = (0x06090030, 0x06090031)
 
 
-def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
+def _transitions(probe: Probe, with_power: bool) -> None:
     """All transitions by command, each from a state reached by commands."""
     for (origin, command), (number, after) in TRANSITIONS.items():
         powered = State.OPERATION_ENABLED in (origin, after) or origin is State.QUICK_STOP_ACTIVE
@@ -25,17 +22,15 @@ def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
         if not _lead(probe, origin):
             if origin is State.QUICK_STOP_ACTIVE and probe.state() is State.SWITCH_ON_DISABLED:
                 # with option codes 0..4 the drive leaves by itself, which also is transition 12
-                yield probe.expect(name, True, "")
+                probe.expect(name, True, "")
             else:
-                yield probe.expect(name, False, f"{origin} not reached: {probe.shown()}")
+                probe.expect(name, False, f"{origin} not reached: {probe.shown()}")
             continue
         probe.control(command)
+        ends = [after]
         if after is State.QUICK_STOP_ACTIVE:
-            after_words = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
-            reached = probe.wait(lambda a=after_words: probe.state() in a, 1.0)  # type: ignore[misc]
-        else:
-            reached = probe.reaches(after)
-        yield probe.expect(name, reached, probe.shown())
+            ends.append(State.SWITCH_ON_DISABLED)
+        probe.expect(name, probe.wait(lambda e=ends: probe.state() in e, STATE_TIMEOUT))  # type: ignore[misc]
 
 
 def _lead(probe: Probe, state: State) -> bool:
@@ -55,39 +50,33 @@ def _lead(probe: Probe, state: State) -> bool:
     return probe.state() is state
 
 
-def states(probe: Probe) -> Iterator[Finding]:
+def states(probe: Probe) -> None:
     """Transitions without force, commands that must have no effect, statusword bits."""
     probe.off()
     word = probe.statusword()
-    yield probe.expect("bit 9 (remote) is set", bool(word & Status.REMOTE), probe.shown())
-    yield probe.expect(
-        "SWITCH ON DISABLED after disable voltage",
-        probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
-    )  # fmt: skip
+    probe.expect("bit 9 (remote) is set", bool(word & Status.REMOTE))
+    probe.expect_state("SWITCH ON DISABLED after disable voltage", State.SWITCH_ON_DISABLED)
     for command in (Command.SWITCH_ON, Command.ENABLE_OPERATION):
         probe.control(command)
         probe.network.pump(_QUIET)
-        yield probe.expect(
-            f"{command.name.lower()} is ignored in SWITCH ON DISABLED",
-            probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
-        )  # fmt: skip
+        probe.expect_state(
+            f"{command.name.lower()} is ignored in SWITCH ON DISABLED", State.SWITCH_ON_DISABLED
+        )
         probe.off()
-    yield from _transitions(probe, with_power=False)
+    _transitions(probe, with_power=False)
 
 
-def modes(probe: Probe) -> Iterator[Finding]:
+def modes(probe: Probe) -> None:
     """Mode changes, confirmed by 0x6061."""
     if not probe.offers(0x6061):
-        yield probe.absent("0x6061 confirms mode changes", "0x6061")
+        probe.absent("0x6061 confirms mode changes", "0x6061")
         return
     probe.change(0x6060, 0, probe.read(0x6060))
     offered = [m for m in _MODES if probe.supports(m)]
     for mode in offered:
         probe.write(0x6060, 0, mode)
         shown = probe.wait(lambda m=mode: probe.read(0x6061) == m, 1.0)  # type: ignore[misc]
-        yield probe.expect(
-            f"0x6061 shows {_MODES[mode]} ({mode})", shown, f"shows {probe.read(0x6061)}"
-        )
+        probe.expect(f"0x6061 shows {_MODES[mode]} ({mode})", shown, f"shows {probe.read(0x6061)}")
     last = probe.read(0x6061)
     for mode in (m for m in _MODES if m not in offered):
         code = probe.abort_code(lambda m=mode: probe.write(0x6060, 0, m))  # type: ignore[misc]
@@ -95,16 +84,16 @@ def modes(probe: Probe) -> Iterator[Finding]:
         held = probe.read(0x6061) != mode
         name = f"{_MODES[mode]} ({mode}), not in 0x6502, is not entered"
         answer = "accepted" if code is None else f"abort 0x{code:08X}"
-        yield probe.expect(name, held, f"0x6061 shows {mode}, was {last}, {answer}")
-    yield probe.refusal("mode 99 is refused", lambda: probe.write(0x6060, 0, 99), *_RANGE)
+        probe.expect(name, held, f"0x6061 shows {mode}, was {last}, {answer}")
+    probe.refusal("mode 99 is refused", lambda: probe.write(0x6060, 0, 99), *_RANGE)
 
 
-def powered_states(probe: Probe) -> Iterator[Finding]:
+def powered_states(probe: Probe) -> None:
     """Transitions to and from OPERATION ENABLED, at rest."""
     if not _choose_mode(probe):
-        yield probe.absent("transitions under force", "no mode known here in 0x6502")
+        probe.absent("transitions under force", "no mode known here in 0x6502")
         return
-    yield from _transitions(probe, with_power=True)
+    _transitions(probe, with_power=True)
 
 
 def _choose_mode(probe: Probe) -> bool:
@@ -117,39 +106,34 @@ def _choose_mode(probe: Probe) -> bool:
     return False
 
 
-def fault(probe: Probe) -> Iterator[Finding]:
+def fault(probe: Probe) -> None:
     """A fault that any drive can have at rest: loss of the heartbeat with 0x6007 = 1."""
     if not (probe.offers(0x6007) and probe.offers(0x1016, 1)):
-        yield probe.absent("fault and its reset", "0x6007 or 0x1016")
+        probe.absent("fault and its reset", "0x6007 or 0x1016")
         return
     mode = next((m for m in (1, 6, 8) if probe.supports(m)), 1)
     probe.keep_nmt_state_on_host_loss()
     probe.change(0x6007, 0, _FAULT_OPTION)
     if not probe.enable(mode):
-        yield probe.expect("OPERATION ENABLED", False, probe.shown())
+        probe.expect("OPERATION ENABLED", False)
         return
     # bit 7 is set before the fault: its level must not acknowledge anything
     probe.control(Command.ENABLE_OPERATION | Command.FAULT_RESET)
-    yield probe.expect(
-        "bit 7 with enable operation changes nothing",
-        probe.state() is State.OPERATION_ENABLED, probe.shown(),
-    )  # fmt: skip
-    probe.emergencies.clear()
-    probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
-    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    probe.expect_state("bit 7 with enable operation changes nothing", State.OPERATION_ENABLED)
+    probe.watch_another_host()
     faulted = probe.reaches(State.FAULT, 3.0)
-    yield probe.expect("heartbeat lost while enabled: FAULT", faulted, probe.shown())
+    probe.expect("heartbeat lost while enabled: FAULT", faulted)
     probe.write(0x1016, 1, 0)
     if not faulted:
         return
-    yield probe.expect("an emergency is sent", any(probe.emergencies), probe.fault_text())
-    yield probe.expect("0x1001 shows an error", bool(probe.read(0x1001) & 1), "generic bit is 0")
+    probe.expect("an emergency is sent", any(probe.emergencies), probe.fault_text())
+    probe.expect("0x1001 shows an error", bool(probe.read(0x1001) & 1), "generic bit is 0")
     if probe.offers(0x603F):
-        yield probe.expect("0x603F holds a code", probe.read(0x603F) != 0, "is 0")
+        probe.expect("0x603F holds a code", probe.read(0x603F) != 0, "is 0")
     if probe.offers(0x1003):
         newest = probe.read(0x1003, 1) & 0xFFFF if probe.read(0x1003) else 0
         same = newest in probe.emergencies
-        yield probe.expect("0x1003:01 is the newest emergency", same, f"is 0x{newest:04X}")
+        probe.expect("0x1003:01 is the newest emergency", same, f"is 0x{newest:04X}")
     for word, name in (
         (Command.ENABLE_OPERATION | Command.FAULT_RESET, "the level of bit 7 resets nothing"),
         (Command.DISABLE_VOLTAGE, "nor does its falling edge"),
@@ -157,14 +141,13 @@ def fault(probe: Probe) -> Iterator[Finding]:
     ):
         probe.control(word)
         probe.network.pump(_QUIET)
-        yield probe.expect(name, probe.state() is State.FAULT, probe.shown())
+        probe.expect_state(name, State.FAULT)
     probe.control(Command.DISABLE_VOLTAGE)
     probe.control(Command.FAULT_RESET)
-    yield probe.expect(
-        "the rising edge of bit 7 does (transition 15)",
-        probe.reaches(State.SWITCH_ON_DISABLED), probe.shown(),
-    )  # fmt: skip
-    yield probe.expect("0x1001 is clear again", not probe.read(0x1001) & 1, "generic bit is 1")
+    probe.expect(
+        "the rising edge of bit 7 does (transition 15)", probe.reaches(State.SWITCH_ON_DISABLED)
+    )
+    probe.expect("0x1001 is clear again", not probe.read(0x1001) & 1, "generic bit is 1")
 
 
 GROUPS: list[tuple[str, Check]] = [("states", states), ("modes", modes)]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
 from drivers.canopen import Network
 from drivers.commissioning.conformance import communication, device, motion
-from drivers.commissioning.conformance.probe import Check, Finding, Probe
+from drivers.commissioning.conformance.probe import Finding, Probe
 from drivers.errors import NodeError
 
 
@@ -33,13 +33,12 @@ def run(
         NodeError: the node does not answer at all.
         BusError: the bus fails.
     """
-    groups: list[tuple[str, Check]] = [*communication.GROUPS, *device.GROUPS]
+    groups = [*communication.GROUPS, *device.GROUPS]
     if power:
         groups += [*device.POWER_GROUPS, *motion.GROUPS]
     if power and homing:
         groups += motion.HOMING_GROUPS
-    findings: list[Finding] = []
-    probe = Probe(network, node)
+    probe = Probe(network, node, on_finding)
     try:
         try:
             probe.read(0x1000)
@@ -49,33 +48,21 @@ def run(
             pass  # the first check reports it
         for name, check in groups:
             probe.group = name
-            refused: list[Finding] = []
             try:
-                for finding in _guarded(probe, check):
-                    findings.append(finding)
-                    on_finding(finding)
-            finally:  # here, not in the generator: it must be done before the probe is closed
-                refused = _restore(probe)
-            for finding in refused:
-                findings.append(finding)
-                on_finding(finding)
+                check(probe)
+            except SdoAbortedError as refused:  # ends the group only
+                probe.expect("every access of this group", False, f"SDO abort: {refused}")
+            except SdoCommunicationError:
+                probe.expect("every access of this group", False, "no SDO answer")
+            finally:
+                _restore(probe)
     finally:
         probe.close()
-    return findings
+    return probe.findings
 
 
-def _guarded(probe: Probe, check: Check) -> Iterator[Finding]:
-    """The findings of a group; an unexpected failure of an access ends the group only."""
-    try:
-        yield from check(probe)
-    except SdoAbortedError as refused:
-        yield probe.expect("every access of this group", False, f"SDO abort: {refused}")
-    except SdoCommunicationError:
-        yield probe.expect("every access of this group", False, "no SDO answer")
-
-
-def _restore(probe: Probe) -> list[Finding]:
-    """Disables the drive and restores its values; returns what the drive did not accept."""
+def _restore(probe: Probe) -> None:
+    """Disables the drive and restores its values; what it does not accept is a finding."""
     try:
         probe.nmt(128)
         with suppress(SdoAbortedError):
@@ -83,4 +70,5 @@ def _restore(probe: Probe) -> list[Finding]:
         refused = probe.restore()
     except SdoCommunicationError:
         refused = ["no SDO answer"] if probe.changed else []
-    return [probe.expect("changed values are restored", False, text) for text in refused]
+    for text in refused:
+        probe.expect("changed values are restored", False, text)

@@ -5,13 +5,12 @@ Setpoints are the actual position: nothing is meant to move.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
-from drivers.commissioning.conformance.probe import Check, Finding, Probe, Verdict
+from drivers.commissioning.conformance.probe import Check, Probe, Verdict
 from drivers.drive import Command, Control, State, Status
 
 _ENABLED = int(Command.ENABLE_OPERATION)
-_PP, _PV, _HM, _CSP, _CSV = 1, 3, 6, 8, 9
 _REACHED, _BIT_12, _BIT_13 = (
     int(Status.TARGET_REACHED),
     int(Status.SETPOINT_ACKNOWLEDGED),
@@ -19,9 +18,26 @@ _REACHED, _BIT_12, _BIT_13 = (
 )
 _OFF = 0xFFFFFFFF
 _HANDSHAKE = 0.5
+_VELOCITY = 0x60FF
 
 
-def settings(probe: Probe) -> Iterator[Finding]:
+@dataclass(frozen=True, slots=True)
+class _Mode:
+    """A mode of operation: its number, its name in findings; whether it has a target velocity."""
+
+    number: int
+    name: str
+    label: str
+    by_velocity: bool = False
+
+
+_PP, _PV = _Mode(1, "profile position", "pp"), _Mode(3, "profile velocity", "pv", True)
+_CSP = _Mode(8, "cyclic synchronous position", "mode 8")
+_CSV = _Mode(9, "cyclic synchronous velocity", "mode 9", True)
+_HM = _Mode(6, "homing", "hm")
+
+
+def settings(probe: Probe) -> None:
     """Windows, limits and option codes read back as written."""
     for index, sub, value, name in (
         (0x6065, 0, 1_000_000, "following error window"),
@@ -41,139 +57,123 @@ def settings(probe: Probe) -> Iterator[Finding]:
     ):
         label = f"0x{index:04X}:{sub:02X} {name} reads back as written"
         if not probe.offers(index, sub):
-            yield probe.absent(label, "")
+            probe.absent(label)
             continue
         code = probe.abort_code(lambda i=index, s=sub, v=value: probe.change(i, s, v))  # type: ignore[misc]
         held = probe.read(index, sub)
         if code is not None:
-            detail = f"{value} refused, abort 0x{code:08X}"
-            yield Finding(probe.group, label, Verdict.DIFFERS, detail)
+            probe.note(label, Verdict.DIFFERS, f"{value} refused, abort 0x{code:08X}")
         else:
-            yield probe.expect(label, held == value, f"wrote {value}, reads {held}")
+            probe.expect(label, held == value, f"wrote {value}, reads {held}")
 
 
-def profile_position(probe: Probe) -> Iterator[Finding]:
+def _is_offered(probe: Probe, mode: _Mode) -> bool:
+    """Whether the drive has a mode, with a target velocity of 0; notes where it has not."""
+    if not (probe.supports(mode.number) and (not mode.by_velocity or probe.offers(_VELOCITY))):
+        return probe.absent(mode.name, "not in 0x6502" + ", or 0x60FF" * mode.by_velocity)
+    if mode.by_velocity:
+        probe.change(_VELOCITY, 0, 0)
+    return True
+
+
+def _is_enabled(probe: Probe, mode: _Mode) -> bool:
+    """Enables the drive in a mode; notes where that fails."""
+    return probe.enable(mode.number) or probe.expect(f"enabled in {mode.label}", False)
+
+
+def profile_position(probe: Probe) -> None:
     """Handshake of controlword bit 4 and statusword bit 12; target reached; halt."""
-    if not probe.supports(_PP):
-        yield probe.absent("profile position", "not in 0x6502")
+    if not (_is_offered(probe, _PP) and _is_enabled(probe, _PP)):
         return
-    if not probe.enable(_PP):
-        yield probe.expect("enabled in pp", False, probe.shown())
-        return
-
-    def bit(mask: int, level: bool, timeout: float = _HANDSHAKE) -> bool:
-        return probe.wait(lambda: bool(probe.statusword() & mask) is level, timeout)
-
-    yield probe.expect("bit 12 is 0 before a setpoint", bit(_BIT_12, False), probe.shown())
+    probe.expect("bit 12 is 0 before a setpoint", probe.shows(_BIT_12, 0, _HANDSHAKE))
     probe.write(0x607A, 0, probe.read(0x6064))
     now = _ENABLED | int(Control.CHANGE_IMMEDIATELY)
     probe.control(now | int(Control.NEW_SETPOINT))
-    taken = bit(_BIT_12, True)
+    taken = probe.shows(_BIT_12, _BIT_12, _HANDSHAKE)
     if not taken:
-        yield probe.absent("bit 12 rises with bit 4", "drive without acknowledge")
+        probe.absent("bit 12 rises with bit 4", "drive without acknowledge")
     else:
-        yield probe.expect("bit 12 rises with bit 4", True, "")
+        probe.note("bit 12 rises with bit 4", Verdict.PASS)
         probe.network.pump(0.1)
         stays = bool(probe.statusword() & _BIT_12)
-        yield probe.expect("bit 12 stays set as long as bit 4", stays, probe.shown())
+        probe.expect("bit 12 stays set as long as bit 4", stays)
         probe.control(now)
-        yield probe.expect("bit 12 falls with bit 4", bit(_BIT_12, False), probe.shown())
+        probe.expect("bit 12 falls with bit 4", probe.shows(_BIT_12, 0, _HANDSHAKE))
     probe.control(now)
-    yield probe.expect("bit 10: target reached", bit(_REACHED, True, 5.0), probe.shown())
+    probe.expect("bit 10: target reached", probe.shows(_REACHED, _REACHED, 5.0))
     probe.write(0x607A, 0, 0)
     probe.control(now | int(Control.NEW_SETPOINT | Control.RELATIVE))
-    accepted = bit(_BIT_12, True) or not taken
-    yield probe.expect("a relative setpoint is accepted", accepted, probe.shown())
+    accepted = probe.shows(_BIT_12, _BIT_12, _HANDSHAKE) or not taken
+    probe.expect("a relative setpoint is accepted", accepted)
     probe.control(now | int(Control.RELATIVE))
-    yield probe.expect("and reached", bit(_REACHED, True, 5.0), probe.shown())
+    probe.expect("and reached", probe.shows(_REACHED, _REACHED, 5.0))
     probe.control(_ENABLED | int(Control.HALT))
-    standing = bit(_REACHED, True, 2.0) and probe.state() is State.OPERATION_ENABLED
-    yield probe.expect("halt: enabled, bit 10 shows velocity 0", standing, probe.shown())
+    standing = probe.shows(_REACHED, _REACHED, 2.0) and probe.state() is State.OPERATION_ENABLED
+    probe.expect("halt: enabled, bit 10 shows velocity 0", standing)
     probe.control(_ENABLED)
 
 
-def profile_velocity(probe: Probe) -> Iterator[Finding]:
+def profile_velocity(probe: Probe) -> None:
     """Target velocity 0 in pv: target reached and speed zero."""
-    if not (probe.supports(_PV) and probe.offers(0x60FF)):
-        yield probe.absent("profile velocity", "not in 0x6502, or 0x60FF")
-        return
-    probe.change(0x60FF, 0, 0)
-    if not probe.enable(_PV):
-        yield probe.expect("enabled in pv", False, probe.shown())
-        return
-    both = _REACHED | _BIT_12
-    still = probe.wait(lambda: probe.statusword() & both == both, 2.0)
-    yield probe.expect("at 0: bit 10 reached, bit 12 speed zero", still, probe.shown())
+    if _is_offered(probe, _PV) and _is_enabled(probe, _PV):
+        both = _REACHED | _BIT_12
+        probe.expect("at 0: bit 10 reached, bit 12 speed zero", probe.shows(both, both, 2.0))
 
 
-def cyclic_velocity(probe: Probe) -> Iterator[Finding]:
+def cyclic_velocity(probe: Probe) -> None:
     """Target velocity 0 in csv: the drive follows the command value."""
-    if not (probe.supports(_CSV) and probe.offers(0x60FF)):
-        yield probe.absent("cyclic synchronous velocity", "not in 0x6502, or 0x60FF")
-        return
-    probe.change(0x60FF, 0, 0)
-    yield from _cyclic(probe, _CSV)
+    _follow(probe, _CSV)
 
 
-def cyclic_position(probe: Probe) -> Iterator[Finding]:
+def cyclic_position(probe: Probe) -> None:
     """Actual position as target in csp: the drive follows the command value."""
-    if not probe.supports(_CSP):
-        yield probe.absent("cyclic synchronous position", "not in 0x6502")
+    _follow(probe, _CSP)
+
+
+def _follow(probe: Probe, mode: _Mode) -> None:
+    if not _is_offered(probe, mode):
         return
-    yield from _cyclic(probe, _CSP)
-
-
-def _cyclic(probe: Probe, mode: int) -> Iterator[Finding]:
     if probe.offers(0x60C2, 1):
         probe.change(0x60C2, 1, 5)
         probe.change(0x60C2, 2, -3)
     probe.nmt(1)
-    if not probe.enable(mode):
-        yield probe.expect(f"enabled in mode {mode}", False, probe.shown())
+    if not _is_enabled(probe, mode):
         return
     for _ in range(20):
         probe.network.send_message(0x80, b"")
         probe.network.pump(0.005)
     word = probe.statusword()
-    yield probe.expect("bit 12: follows the command value", bool(word & _BIT_12), probe.shown())
-    yield probe.expect("bit 13: no following error", not word & _BIT_13, probe.shown())
+    probe.expect("bit 12: follows the command value", bool(word & _BIT_12))
+    probe.expect("bit 13: no following error", not word & _BIT_13)
 
 
-def homing_bits(probe: Probe) -> Iterator[Finding]:
+def homing_bits(probe: Probe) -> None:
     """Homing mode before the start: no error, standstill."""
-    if not probe.supports(_HM):
-        yield probe.absent("homing", "not in 0x6502")
-        return
-    if not probe.enable(_HM):
-        yield probe.expect("enabled in hm", False, probe.shown())
-        return
-    standing = probe.wait(lambda: probe.statusword() & (_REACHED | _BIT_13) == _REACHED, 2.0)
-    yield probe.expect("before the start: bits 13, 10 are 0, 1", standing, probe.shown())
+    if _is_offered(probe, _HM) and _is_enabled(probe, _HM):
+        standing = probe.shows(_REACHED | _BIT_13, _REACHED, 2.0)
+        probe.expect("before the start: bits 13, 10 are 0, 1", standing)
 
 
-def homing_run(probe: Probe) -> Iterator[Finding]:
+def homing_run(probe: Probe) -> None:
     """Homing at the present position: bits 13, 12, 10 end as 0, 1, 1; start bit cleared."""
-    if not probe.supports(_HM):
-        yield probe.absent("homing", "not in 0x6502")
+    if not _is_offered(probe, _HM):
         return
     method = next(
         (m for m in (37, 35) if probe.abort_code(lambda m=m: probe.change(0x6098, 0, m)) is None),  # type: ignore[misc]
         None,
     )
     if method is None:
-        yield probe.absent("homing at the present position", "methods 37 and 35")
+        probe.absent("homing at the present position", "methods 37 and 35")
         return
-    if not probe.enable(_HM):
-        yield probe.expect("enabled in hm", False, probe.shown())
+    if not _is_enabled(probe, _HM):
         return
     probe.control(_ENABLED | int(Control.START_HOMING))
-    mask = _REACHED | _BIT_12 | _BIT_13
-    done = probe.wait(lambda: probe.statusword() & mask == _REACHED | _BIT_12, 5.0)
-    yield probe.expect(f"method {method}: bits 13, 12, 10 become 0, 1, 1", done, probe.shown())
+    done = probe.shows(_REACHED | _BIT_12 | _BIT_13, _REACHED | _BIT_12, 5.0)
+    probe.expect(f"method {method}: bits 13, 12, 10 become 0, 1, 1", done)
     probe.control(_ENABLED)
     probe.network.pump(0.05)
     still = not probe.statusword() & _BIT_13
-    yield probe.expect("clearing the start bit is no error", still, probe.shown())
+    probe.expect("clearing the start bit is no error", still)
 
 
 GROUPS: list[tuple[str, Check]] = [

@@ -1,13 +1,13 @@
 """The node under test: object access with the sizes of CiA 402, waiting, findings.
 
-A check is a generator of findings. Groups of checks run one after the other; each begins with the
+Checks note their findings here. Groups of checks run one after the other; each begins with the
 drive disabled, in PRE-OPERATIONAL and with its original parameter values.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,16 +16,22 @@ from canopen import SdoAbortedError
 from drivers.canopen import Network, SdoChannel, error_text
 from drivers.drive import Command, State, decode
 
-Check = Callable[["Probe"], Iterator["Finding"]]
+Check = Callable[["Probe"], object]
 
 ABSENT_OBJECT, ABSENT_SUB = 0x06020000, 0x06090011
-_SIGNED_8 = {0x6060, 0x6061, 0x6098}
-_SIGNED_16 = {0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6077, 0x60B2}
-_SIGNED_32 = {0x6064, 0x607A, 0x607D, 0x60FF}
-_UNSIGNED_8 = {0x1001, 0x1019, 0x1029}
-_UNSIGNED_16 = {0x1017, 0x603F, 0x6040, 0x6041, 0x6066, 0x6068, 0x6072}
+_CODES = {
+    **dict.fromkeys((0x6060, 0x6061, 0x6098), "b"),
+    **dict.fromkeys((0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6077, 0x60B2), "h"),
+    **dict.fromkeys((0x6064, 0x607A, 0x607D, 0x60FF), "i"),
+    **dict.fromkeys((0x1001, 0x1019, 0x1029), "B"),
+    **dict.fromkeys((0x1017, 0x603F, 0x6040, 0x6041, 0x6066, 0x6068, 0x6072), "H"),
+}
+"""`struct` format code of an object's type in CiA 301 or 402; the others are UNSIGNED32."""
+_RECORDS = (0x1003, 0x1016, 0x1018, 0x607D)
 _MODE = 0x6060
-_STATE_TIMEOUT = 1.0
+OTHER_HOST = 126
+"""Node whose heartbeat the drive is made to watch."""
+STATE_TIMEOUT = 1.0
 
 
 class Verdict(Enum):
@@ -54,19 +60,14 @@ class Finding:
 
 def code_of(index: int, sub: int) -> str:
     """`struct` format code of an object's type in CiA 301 or 402; UNSIGNED32 by default."""
-    if index in _SIGNED_8 or (index == 0x60C2 and sub == 2):
-        return "b"
-    if index in _SIGNED_16:
-        return "h"
-    if index in _SIGNED_32 and (index != 0x607D or sub):
-        return "i"
     pdo = index & 0xF000 == 0x1000 and index >> 8 & 0xF in (4, 6, 8, 0xA)
-    small = sub == 0 and (pdo or index in (0x1003, 0x1016, 0x1018, 0x607D))
-    if index in _UNSIGNED_8 or small or (index == 0x60C2 and sub == 1):
+    if sub == 0 and (pdo or index in _RECORDS):
         return "B"
     if pdo and sub == 2 and index >> 8 & 0xF in (4, 8):
         return "B"
-    return "H" if index in _UNSIGNED_16 else "I"
+    if index == 0x60C2 and sub:
+        return "B" if sub == 1 else "b"
+    return _CODES.get(index, "I")
 
 
 class Probe:
@@ -75,17 +76,23 @@ class Probe:
     Args:
         network: on a bus that nothing else reads from and no other host uses.
         node: 1..126.
+        on_finding: called with each finding as it is made.
 
     Attributes:
         group: name of the present group, for findings.
+        findings: made so far.
         emergencies: EMCY codes received.  beats: (time [ns], NMT state) of every heartbeat.
         tpdos: (CAN-ID, data) of every TPDO of this node.
     """
 
-    def __init__(self, network: Network, node: int) -> None:
+    def __init__(
+        self, network: Network, node: int, on_finding: Callable[[Finding], object] = lambda _: None
+    ) -> None:
         self.network = network
         self.node = node
         self.group = ""
+        self.findings: list[Finding] = []
+        self._on_finding = on_finding
         self.emergencies: list[int] = []
         self.beats: list[tuple[int, int]] = []
         self.tpdos: list[tuple[int, bytes]] = []
@@ -190,6 +197,12 @@ class Probe:
         """Sets 0x1029:01 to 1 where the drive offers it, so that SDO remains available."""
         self.abort_code(lambda: self.change(0x1029, 1, 1))
 
+    def watch_another_host(self) -> None:
+        """Makes the drive watch the heartbeat of `OTHER_HOST`, which sends a single one."""
+        self.emergencies.clear()
+        self.change(0x1016, 1, OTHER_HOST << 16 | 100)
+        self.network.send_message(0x700 + OTHER_HOST, b"\x05")
+
     def restore(self) -> list[str]:
         """Restores all changes, the latest first.
 
@@ -231,9 +244,13 @@ class Probe:
         """Writes 0x6040."""
         self.write(0x6040, 0, word)
 
-    def reaches(self, state: State, timeout: float = _STATE_TIMEOUT) -> bool:
+    def reaches(self, state: State, timeout: float = STATE_TIMEOUT) -> bool:
         """Whether the drive shows `state` within `timeout` [s]."""
         return self.wait(lambda: self.state() is state, timeout)
+
+    def shows(self, mask: int, bits: int, timeout: float) -> bool:
+        """Whether the statusword has these bits under a mask within `timeout` [s]."""
+        return self.wait(lambda: self.statusword() & mask == bits, timeout)
 
     def nmt(self, command: int) -> None:
         """Sends an NMT command to this node."""
@@ -253,7 +270,7 @@ class Probe:
         """Takes the drive to OPERATION ENABLED in a mode, at its actual position."""
         self.off()
         self.change(0x6060, 0, mode)
-        if not self.wait(lambda: self.read(0x6061) == mode, _STATE_TIMEOUT):
+        if not self.wait(lambda: self.read(0x6061) == mode, STATE_TIMEOUT):
             return False
         self.abort_code(lambda: self.write(0x607A, 0, self.read(0x6064)))
         for word, state in (
@@ -272,27 +289,39 @@ class Probe:
 
     # -- findings ---------------------------------------------------------------------------
 
-    def expect(self, name: str, held: bool, found: str) -> Finding:
-        """A finding: pass, or fail with what was found."""
-        verdict = Verdict.PASS if held else Verdict.FAIL
-        return Finding(self.group, name, verdict, "" if held else found)
+    def note(self, name: str, verdict: Verdict, detail: str = "") -> None:
+        """Notes a finding of the present group."""
+        finding = Finding(self.group, name, verdict, detail)
+        self.findings.append(finding)
+        self._on_finding(finding)
 
-    def absent(self, name: str, why: str) -> Finding:
-        """A finding: not offered."""
-        return Finding(self.group, name, Verdict.ABSENT, why)
+    def expect(self, name: str, held: bool, found: str | None = None) -> bool:
+        """Notes pass, or fail with what was found, by default the state; returns `held`."""
+        if found is None:
+            found = self.shown()
+        self.note(name, Verdict.PASS if held else Verdict.FAIL, "" if held else found)
+        return held
 
-    def refusal(self, name: str, action: Callable[[], object], *codes: int) -> Finding:
-        """A finding: pass if refused with one of the codes, differs with another, else fail."""
+    def expect_state(self, name: str, state: State) -> None:
+        """Notes whether the drive is in a state."""
+        self.expect(name, self.state() is state)
+
+    def absent(self, name: str, why: str = "") -> bool:
+        """Notes: not offered; returns False."""
+        self.note(name, Verdict.ABSENT, why)
+        return False
+
+    def refusal(self, name: str, action: Callable[[], object], *codes: int) -> None:
+        """Notes pass if refused with one of the codes, differs with another, else fail."""
         code = self.abort_code(action)
-        if code in codes:
-            return Finding(self.group, name, Verdict.PASS)
         expected = " or ".join(f"0x{c:08X}" for c in codes)
-        if code is None:
-            return Finding(self.group, name, Verdict.FAIL, f"accepted, not aborted ({expected})")
-        text = SdoAbortedError.CODES.get(code, "no abort code of CiA 301")
-        return Finding(
-            self.group, name, Verdict.DIFFERS, f"abort 0x{code:08X} ({text}), not {expected}"
-        )
+        if code in codes:
+            self.note(name, Verdict.PASS)
+        elif code is None:
+            self.note(name, Verdict.FAIL, f"accepted, not aborted ({expected})")
+        else:
+            text = SdoAbortedError.CODES.get(code, "no abort code of CiA 301")
+            self.note(name, Verdict.DIFFERS, f"abort 0x{code:08X} ({text}), not {expected}")
 
     def shown(self) -> str:
         """Statusword and state as text."""
