@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil_sim.drive import Drive
     from hil_sim.effects import AppliedEffect, Effect, Parameter
     from hil_sim.plant import Plant, Response, simulate
-    from hil_sim.ports import BlockPlantPort, CanSegment, PlantPort, SetpointBlock
+    from hil_sim.ports import CanSegment, PlantPort
     from hil_sim.quirks import Quirks
     from hil_sim.settings import (
         AxisSettings,
@@ -30,7 +30,6 @@ __all__ = [
     "EDS_PATH",
     "AppliedEffect",
     "AxisSettings",
-    "BlockPlantPort",
     "CanSegment",
     "CascadeSettings",
     "ControlSettings",
@@ -45,7 +44,6 @@ __all__ = [
     "PlantPort",
     "Quirks",
     "Response",
-    "SetpointBlock",
     "StageSettings",
     "VirtualStage",
     "World",
@@ -59,7 +57,7 @@ _HOMES = {
     "Quirks": "quirks",
     "VirtualStage": "stage",
     **dict.fromkeys(("AppliedEffect", "Effect", "Parameter"), "effects"),
-    **dict.fromkeys(("BlockPlantPort", "CanSegment", "PlantPort", "SetpointBlock"), "ports"),
+    **dict.fromkeys(("CanSegment", "PlantPort"), "ports"),
     **dict.fromkeys(("Plant", "Response", "simulate"), "plant"),
     **dict.fromkeys(
         ("FaultPlan", "FaultyWorld", "InjectedFault", "LockstepBus", "World", "serve"), "bus"

@@ -7,16 +7,8 @@ methods.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
-
-import numpy as np
-from numpy.typing import NDArray
-
-F64 = NDArray[np.float64]
-Handlers = Mapping[int, tuple[Callable[[bytes], None], ...]]
-"""What receives the data frames of a bus, by CAN-ID."""
+from collections.abc import Callable
+from typing import Protocol
 
 
 class Timer(Protocol):
@@ -86,59 +78,3 @@ class PlantPort(Protocol):
 
     def following_error(self, axis: int) -> float:
         """Largest |demand - encoder| [m] over the ticks since this was last called."""
-
-
-@dataclass(slots=True)
-class SetpointBlock:
-    """Setpoints of all axes for K instants, and what is measured there.
-
-    Attributes:
-        first_ns, period_ns: the first instant, and from each to the next [ns].
-        positions, forces: demand [m] and force offset [N] commanded at each, float64[K, axes].
-        ticks: control ticks in which they are reached.
-        bounds: lowest and highest encoder counts, largest following error [m], float64[axes, 3].
-        reports: of the instants done, before their commands, float64[k, axes, 5]: encoder counts,
-            motor force [N], demand [m], encoder velocity [m/s], largest following error [m] since
-            the instant before.
-    """
-
-    first_ns: int
-    period_ns: int
-    positions: F64
-    forces: F64
-    ticks: int
-    bounds: F64
-    reports: F64 = field(default_factory=lambda: np.empty((0, 0, 5)))
-
-
-@runtime_checkable
-class BlockPlantPort(PlantPort, Protocol):
-    """A plant that also takes the setpoints of several instants in one call."""
-
-    def run_block(self, block: SetpointBlock) -> None:
-        """At each instant advance to it, report, and command, as long as reports are within bounds.
-
-        It may end before any instant. Where a report is outside the bounds, the plant stays at that
-        instant: it is not among the block's reports, and nothing is commanded there.
-        """
-
-
-class SteadyNodes(Protocol):
-    """Nodes that can answer several SYNCs in one call, with the same frames as one by one."""
-
-    def run(
-        self,
-        rows: Sequence[Sequence[bytes]],
-        ids: Sequence[int],
-        grid_ns: tuple[int, int],
-        sync_id: int,
-        expected: Sequence[tuple[int, int, bytes]],
-        handlers: Handlers,
-        answers: list[bytes],
-    ) -> None:
-        """Answer as many SYNCs as change nothing but setpoints and measurements; none if in doubt.
-
-        Arguments: as those of `World.exchange_block`; `handlers` of all frames, by CAN-ID. The
-        caller makes sure that no timer is due and no other frame is sent before the last SYNC.
-        `answers` gets the expected frames of the SYNCs that were answered, and of no others.
-        """

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hil_sim.drive import Drive
-from hil_sim.ports import BlockPlantPort, CanSegment, PlantPort
+from hil_sim.ports import CanSegment, PlantPort
 from hil_sim.settings import StageSettings
-from hil_sim.steady import SteadyDrives
 
 START_RANGE = 5e-3
 """Largest distance of the axes from their index marks at power-on [m]."""
@@ -86,6 +85,3 @@ class VirtualStage:
             Drive(self.settings, axis, self.plant, own)
             for axis, own in zip(range(count), segments, strict=True)
         )
-        run_steadily_by = getattr(segment, "run_steadily_by", None)
-        if run_steadily_by is not None and isinstance(self.plant, BlockPlantPort):
-            run_steadily_by(SteadyDrives(self.drives, self.plant))

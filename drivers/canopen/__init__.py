@@ -1,8 +1,7 @@
 """CANopen on the host's side: bus, nodes, SDO, PDO mappings, EMCY, detection of other hosts."""
 
-from drivers.canopen.bus import FrameLog, Network, OwnFrame, Tap, open_bus
+from drivers.canopen.bus import Network, OwnFrame, Tap, open_bus
 from drivers.canopen.clock import Clock, MonotonicClock, delivers_at_once, stamps_of
-from drivers.canopen.direct import DirectBus, direct_bus
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.nmt import NMT_COMMANDS, NMT_STATES
 from drivers.canopen.node import REBOOTED, Node
@@ -17,8 +16,6 @@ __all__ = [
     "NMT_STATES",
     "REBOOTED",
     "Clock",
-    "DirectBus",
-    "FrameLog",
     "MappedObject",
     "MonotonicClock",
     "Network",
@@ -31,7 +28,6 @@ __all__ = [
     "Tap",
     "Value",
     "delivers_at_once",
-    "direct_bus",
     "error_text",
     "load_dictionary",
     "open_bus",

@@ -14,9 +14,9 @@ import socket
 import struct
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import can
 import canopen
@@ -28,7 +28,7 @@ from drivers.settings import BusSettings
 
 Tap = Callable[[int, int, bytes], object]
 """Called with every frame sent or received: (time [ns], CAN-ID, data). The CAN-ID `BUS_FAILED`
-marks a failure of the bus. A block of SYNCs on a lock-step bus is shown after it."""
+marks a failure of the bus."""
 BUS_FAILED = 0x2000_0000
 """SocketCAN's flag of an error frame."""
 
@@ -45,21 +45,6 @@ for _library in ("can", "canopen"):
 
 
 _new = object.__new__
-
-
-@runtime_checkable
-class FrameLog(Protocol):
-    """A tap that also takes many frames at once, in their order."""
-
-    def __call__(self, t_ns: int, can_id: int, data: bytes) -> object:
-        """Takes one frame."""
-
-    def extend(self, frames: Sequence[Any]) -> object:
-        """Takes frames that have been sent or received since the last call.
-
-        Args:
-            frames: time [ns], CAN-ID and data of the first, then of the second, and so on.
-        """
 
 
 class OwnFrame(can.Message):

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.canopen import Clock, Network, Node
-from drivers.cyclic.blocks import BlockStream, Exchanged
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.correction import CorrectedOffsets, OffsetCorrection, Row
 from drivers.cyclic.samples import SampleWriter, Sink
@@ -212,34 +211,20 @@ class Cycle:
         """
         writer = SampleWriter(self.channels, rows, sink, self.sync.reception.accepts_tardy)
         corrected = None if planned is None else self.corrected
-        blocks = None
         if corrected is not None and planned is not None:
-            exchanged = self._singly(corrected.rows(targets, planned))
-        elif until is None and sink is None and self.sync.is_direct:
-            blocks = BlockStream(self.sync, targets, offsets, rows, self._alarmed)
-            exchanged = blocks.run()
+            setpoints = corrected.rows(targets, planned)
         else:
-            exchanged = self._singly(planned_rows(self.channels, targets, offsets))
+            setpoints = planned_rows(self.channels, targets, offsets)
         try:
-            self._stream(exchanged, writer, until)
+            self._stream(setpoints, writer, until)
             if writer.waiting:
                 self.sync.await_tpdos()
         finally:
             writer.flush()
-            if blocks is not None and self._origin is not None:
-                blocks.decode(self._origin)
             if corrected is not None:
                 corrected.end()
 
-    def _singly(self, rows: Iterator[Row]) -> Iterator[Exchanged]:
-        """Exchanges the data of one SYNC after the other."""
-        run = self.sync.run
-        for frames, setpoints in rows:
-            yield run(frames), setpoints
-
-    def _stream(
-        self, exchanged: Iterator[Exchanged], writer: SampleWriter, until: Until | None
-    ) -> None:
+    def _stream(self, rows: Iterator[Row], writer: SampleWriter, until: Until | None) -> None:
         channels = self.channels
         increments = [c.axis.scale.increment for c in channels]
         sync, alarmed = self.sync, self._alarmed
@@ -247,7 +232,8 @@ class Cycle:
         if self._origin is None:
             self.resume()
         self._late_in_a_row = 0
-        for late, setpoints in exchanged:
+        for frames, setpoints in rows:
+            late = sync.run(frames)
             if self._origin is None:
                 self._origin = sync.sent
             values = [sync.sent - self._origin, late, sync.offset, sync.doubt]

@@ -25,7 +25,7 @@ def planned_rows(channels: Sequence[Channel], targets: I64, offsets: I64) -> Ite
         targets: int64[K, n] [increments].
         offsets: int64[K, n] [1/1000 rated]; set to 0 where an RPDO carries none.
     """
-    packed = packed_rows(channels, targets, offsets)  # sets offsets
+    packed = _packed_rows(channels, targets, offsets)  # sets offsets
     setpoints = [
         zip(repeat(channel), targets[:, j].tolist(), offsets[:, j].tolist(), strict=False)
         for j, channel in enumerate(channels)
@@ -37,7 +37,7 @@ def planned_rows(channels: Sequence[Channel], targets: I64, offsets: I64) -> Ite
     )
 
 
-def packed_rows(
+def _packed_rows(
     channels: Sequence[Channel], targets: I64, offsets: I64
 ) -> Iterator[tuple[bytes, ...]]:
     """Per SYNC: the RPDOs of all channels; arguments as for `planned_rows`."""

@@ -4,10 +4,9 @@ Keeps the SYNC grid and counts lateness. What lateness means, and what stops the
 `cycle.py`; what comes back is `reception.py`'s. A SYNC takes one of these ways:
 
 - `_follow_kernel`: the kernel sends it, and the first one after our setpoints is theirs
-- `_exchange_in_time`: sent here at its instant, on any bus; the other two end here where they
+- `_exchange_in_time`: sent here at its instant, on any bus; the next one ends here where it
   cannot go on
-- `DirectExchange.run_one`, from `_lead`: one call, on a bus that delivers in its sender's thread
-- `DirectExchange.run_block`, from `run_at_once`: one call for several SYNCs on such a bus
+- `DirectExchange.try_sync`: one call, on a bus that delivers in its sender's thread
 - `_open_window`: an extra one without setpoints, where those would miss the drives' SYNC window
 """
 
@@ -17,9 +16,9 @@ from collections.abc import Callable, Sequence
 
 import can
 
-from drivers.canopen import Network, OwnFrame, delivers_at_once, direct_bus
+from drivers.canopen import Network, OwnFrame, delivers_at_once
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.direct_exchange import DirectExchange, Expected, Rows
+from drivers.cyclic.direct_exchange import DirectExchange, direct_bus
 from drivers.cyclic.kernel_sync import KernelSync, receive_own_frames
 from drivers.cyclic.reception import Receive, Reception
 from drivers.drive import Axis
@@ -71,7 +70,7 @@ class Exchange:
         direct = direct_bus(network.bus)
         self._direct: DirectExchange | None = None
         if direct is not None:
-            self._direct = DirectExchange(direct, network, self.reception, self._period)
+            self._direct = DirectExchange(direct, network, self.reception)
         self._phase: int | None = None
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
@@ -177,49 +176,13 @@ class Exchange:
         now, direct = self._now_ns(), self._direct
         if direct is None or self._overflow or self._due >= self._network.service_due:
             self._send_setpoints(bus.send, frames, now)
-        elif direct.run_one(frames, self._due, bus.recv):
+        elif direct.try_sync(frames, self._due, bus.recv):
             self.sent, self._due = self._due, self._due + self._period
             self.offset, self.doubt = 0, -1
             self.late += late
             return late
         late = self._exchange_in_time(bus, now, late)
         self.late += late
-        return late
-
-    @property
-    def is_direct(self) -> bool:
-        """Whether the bus takes several SYNCs in one call."""
-        return self._direct is not None
-
-    def most_at_once(self) -> int:
-        """How many SYNCs from the next one on `run_at_once` may take; 0 where it cannot be used."""
-        if self._direct is None or self._overflow or self._strict or self._network.bus is None:
-            return 0
-        return max(0, -((self._due - self._network.service_due) // self._period))
-
-    def run_at_once(self, rows: Rows, expected: Expected, answers: list[bytes]) -> int | None:
-        """Exchanges the data of several SYNCs, as long as each brings what is expected.
-
-        Args:
-            rows: for `most_at_once` SYNCs at most.
-            expected: of each SYNC.
-            answers: gets the TPDOs of the SYNCs that have brought these and nothing else.
-
-        Returns:
-            None where all SYNCs have. Else the first one that has not was the last: 1 where it was
-            late, else 0.
-
-        Raises:
-            BusError: the bus fails.
-        """
-        network = self._network
-        if network.bus is None or self._direct is None:
-            raise network.failure("cannot stream", RuntimeError("is closed"))
-        try:
-            late = self._exchange_directly(network.bus, self._direct, rows, expected, answers)
-        except (can.CanError, OSError, ValueError) as why:
-            raise network.failure("cyclic exchange failed", why) from why
-        self.late += late or 0
         return late
 
     def _exchange_in_time(self, bus: can.BusABC, now: int, late: int) -> int:
@@ -254,28 +217,6 @@ class Exchange:
         if reception.echo_at is not None:
             self.offset, self.doubt = min(reception.echo_at - due, _MAX_NS), 0
         return late
-
-    def _exchange_directly(
-        self,
-        bus: can.BusABC,
-        direct: DirectExchange,
-        rows: Rows,
-        expected: Expected,
-        answers: list[bytes],
-    ) -> int | None:
-        """As `run_at_once`; the same frames at the same times as `_exchange_in_time`."""
-        outcome = None
-        try:
-            outcome = direct.run_block(rows, self._due, expected, answers, bus.recv)
-        finally:
-            sent = len(answers) // len(self.channels) + (outcome is False)
-            if sent:
-                self._due += sent * self._period
-                self.sent = self._due - self._period
-                self.offset, self.doubt = 0, -1
-        if outcome is None:
-            return self._exchange_in_time(bus, self._now_ns(), 0)
-        return None if outcome else 0
 
     def _send_sync(self, send: Send, now: int) -> None:
         if self._overflow:

@@ -112,43 +112,6 @@ class LockstepBus(can.BusABC):
         queue.clear()
         return answers
 
-    def exchange_block(
-        self,
-        rows: Sequence[Sequence[bytes]],
-        ids: Sequence[int],
-        grid_ns: tuple[int, int],
-        sync_id: int,
-        expected: Sequence[tuple[int, int, bytes]],
-        answers: list[bytes],
-    ) -> bool | None:
-        """Send rows of data frames, each at once, and SYNC after each, as long as all is expected.
-
-        Args:
-            rows: data of the frames before each SYNC.
-            ids: of the frames of a row.
-            grid_ns: virtual time of the first SYNC, and from each to the next [ns].
-            sync_id: id of SYNC, which carries no data.
-            expected: id, number of bytes and first bytes of each data frame that a SYNC is to
-                cause, in order.
-            answers: gets the data of these frames, SYNC by SYNC.
-
-        Returns:
-            True where all rows were exchanged. False where the last SYNC sent caused other frames
-            than expected, or fewer, or more; all of them wait for `recv`. None where the last row
-            was sent without its SYNC, because other frames wait for `recv`, the bus has filters,
-            the SYNC's time is past, or the world has faults. Rows after that one are not sent, and
-            time never passes the last row's SYNC.
-        """
-        if get_ident() != self._thread:
-            self._raise_refusal()
-        if self._filters is not None or self._queue:
-            for can_id, data in zip(ids, rows[0], strict=True):
-                self.world.transmit(self, can_id, data)
-            return None
-        return self.world.exchange_block(
-            self, self._queue, rows, ids, grid_ns, sync_id, expected, answers
-        )
-
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame; virtual time passes only while there is none.
 

@@ -13,20 +13,18 @@ from __future__ import annotations
 import heapq
 import weakref
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from threading import get_ident
 
 import can
 
 from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
-from hil_sim.ports import SteadyNodes
 
 Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 """Time [ns], id, data, (extended id, remote, error), sender (None for a node)."""
 
 DATA_FRAME = (False, False, False)  # extended id, remote, error: the only frames nodes receive
 
-_SYNC = (b"",)
 _NOBODY: tuple[Handler, ...] = ()
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 
@@ -58,7 +56,6 @@ class World:
         self._hosts: tuple[Callable[[Frame], None], ...] = ()  # receive the frames of nodes
         self._others: dict[object, tuple[Callable[[Frame], None], ...]] = {}
         self._delivering = False
-        self._steady: SteadyNodes | None = None
         _worlds[name] = self
 
     @classmethod
@@ -77,10 +74,6 @@ class World:
     def unsubscribe(self, can_id: int, handler: Handler) -> None:
         """Undo `subscribe`."""
         self._handlers.unsubscribe(can_id, handler)
-
-    def run_steadily_by(self, nodes: SteadyNodes) -> None:
-        """Hand several SYNCs at a time to these nodes, wherever they can take them."""
-        self._steady = nodes
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame from a node; one that is subscribed to the id receives it itself."""
@@ -154,99 +147,6 @@ class World:
                 if not frames:
                     return
                 _, can_id, data, flags, owner = frames.popleft()
-        finally:
-            self._delivering = False
-
-    def exchange_block(
-        self,
-        owner: object,
-        queue: deque[Frame],
-        rows: Sequence[Sequence[bytes]],
-        ids: Sequence[int],
-        grid_ns: tuple[int, int],
-        sync_id: int,
-        expected: Sequence[tuple[int, int, bytes]],
-        answers: list[bytes],
-    ) -> bool | None:
-        """Send a host's rows of data frames, and SYNC after each; see `LockstepBus.exchange_block`.
-
-        Args:
-            owner: the host.
-            queue: its frames; none waits.
-            rows: data of the frames before each SYNC.
-            ids: of the frames of a row.
-            grid_ns: time of the first SYNC, and from each to the next [ns].
-            sync_id: of SYNC.
-            expected: id, number of bytes and first bytes of each frame that a SYNC is to cause.
-            answers: gets the data of these frames.
-        """
-        at_ns, period_ns = grid_ns
-        timers = self._timers
-        place, steady = 0, self._steady is not None
-        while place < len(rows):
-            if steady and (most := self._most_at_once(owner, at_ns, period_ns)):
-                part, count = rows[place : place + most], len(answers)
-                try:
-                    self._steady.run(  # type: ignore[union-attr]
-                        part, ids, (at_ns, period_ns), sync_id, expected, self._handlers, answers
-                    )
-                finally:
-                    if done := (len(answers) - count) // len(expected):
-                        self.now_ns = at_ns + (done - 1) * period_ns
-                        at_ns, place = at_ns + done * period_ns, place + done
-                steady = done == len(part)
-                continue
-            row, place = rows[place], place + 1
-            self._transmit_row(owner, ids, row)
-            if queue or at_ns < self.now_ns or not self.is_faultless:
-                return None
-            if timers and timers[0][0] <= at_ns:
-                self.sleep_until_ns(at_ns)
-                if queue:
-                    return None
-            self.now_ns = at_ns
-            self._transmit_row(owner, (sync_id,), _SYNC)
-            if len(queue) != len(expected):
-                return False
-            received = []
-            for (_, can_id, data, flags, _), (wanted, size, begin) in zip(queue, expected):  # noqa: B905
-                if can_id != wanted or len(data) != size or flags is not DATA_FRAME:
-                    return False
-                if not data.startswith(begin):
-                    return False
-                received.append(data)
-            answers += received
-            queue.clear()
-            at_ns += period_ns
-        return True
-
-    def _most_at_once(self, owner: object, at_ns: int, period_ns: int) -> int:
-        """How many SYNCs from `at_ns` on come before the next timer; 0 with another host."""
-        others = len(self._queues) > 1 or self._others.get(owner, self._hosts)
-        if others or self._delivering or not self.is_faultless or at_ns < self.now_ns:
-            return 0
-        timers = self._timers
-        return max(0, -((at_ns - timers[0][0]) // period_ns)) if timers else 1 << 30
-
-    def _transmit_row(self, owner: object, ids: Sequence[int], row: Sequence[bytes]) -> None:
-        """Send data frames of a host; the same as `transmit`, one after the other."""
-        frames, others = self._frames, self._others.get(owner, self._hosts)
-        if others or self._delivering or not self.is_faultless:
-            for can_id, data in zip(ids, row, strict=True):
-                self.transmit(owner, can_id, data)
-            return
-        self._delivering = True
-        try:
-            for can_id, data in zip(ids, row):  # noqa: B905  twice as fast
-                for handler in self._handlers.get(can_id, _NOBODY):
-                    handler(data)
-                while frames:
-                    _, other_id, other, flags, sender = frames.popleft()
-                    for hand_to in self._others.get(sender, self._hosts):
-                        hand_to((self.now_ns, other_id, other, flags, sender))
-                    if flags is DATA_FRAME:
-                        for handler in self._handlers.get(other_id, _NOBODY):
-                            handler(other)
         finally:
             self._delivering = False
 

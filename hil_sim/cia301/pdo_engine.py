@@ -25,8 +25,6 @@ class PdoEngine:
         on_timeout: called when an RPDO was not received within its event timer.
 
     Attributes:
-        sole: the only RPDO and the only TPDO of every SYNC; None where there are others, or none,
-            in real time, and with a SYNC window.
         on_sync: sends the synchronous TPDOs that are due, then applies the synchronous RPDOs
             received since the last SYNC.
     """
@@ -52,7 +50,6 @@ class PdoEngine:
         self._sync_rpdos: tuple[Rpdo, ...] = ()
         self._several = False
         self._emit = segment.emit
-        self.sole: tuple[Rpdo, Tpdo] | None = None
         self.on_sync: Callable[[], None] = self._on_any_sync
         self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
@@ -172,9 +169,7 @@ class PdoEngine:
         if one_of_each and not self._real_time and not self._window_ns:
             ((cob_id, sample),) = self._at_every_sync
             self.on_sync = _exchanger(self._emit, cob_id, sample, self._sync_rpdos[0])
-            self.sole = self._sync_rpdos[0], synchronous[0]
         else:
-            self.sole = None
             self.on_sync = self._on_any_sync
 
 

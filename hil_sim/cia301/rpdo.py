@@ -51,7 +51,6 @@ class Rpdo(Pdo):
         windowed: only a frame within the SYNC window counts.
         apply: stores a frame's values, then calls the hooks; made by `compile`.
         store: only stores them; returns the hooks to call.
-        acting: keys of the objects that act when written; None where frames are checked or timed.
     """
 
     receive = True
@@ -72,7 +71,6 @@ class Rpdo(Pdo):
         self.apply: Callable[[bytes], None] = self._apply_guarded
         self.store: Callable[[bytes], Hooks] = self._store_guarded
         self._hooks: Hooks = ()
-        self.acting: tuple[int, ...] | None = None
 
     def compile(self) -> None:
         """Read the parameters from the dictionary."""
@@ -92,7 +90,6 @@ class Rpdo(Pdo):
         else:
             self.store = _storer(d.values, self.keys, self.codec.unpack, self._hooks)
             self.apply = _writer(d.values, self.keys, self.codec.unpack, self._hooks)
-        self.acting = None if guarded or self._deadline_ns else tuple(k for k, _ in self._hooks)
 
     def stop(self) -> None:
         """Discard what is pending, and stop the event timer."""

@@ -18,7 +18,7 @@ Not modelled: current limits other than the loop's peak force.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from hil_sim.cia301 import (
     COASTING_FAULTS,
@@ -33,14 +33,11 @@ from hil_sim.cia402.brake import Brake
 from hil_sim.cia402.demand import DemandSource
 from hil_sim.cia402.mode_selector import ModeSelector
 from hil_sim.cia402.modes import (
-    MODE_BIT_12,
     MODE_BIT_13,
     TARGET_REACHED,
     Context,
-    CyclicPosition,
 )
 from hil_sim.cia402.state_machine import FAULT_RESET, HALT, Command, State, decode, next_state
-from hil_sim.cia402.steady import Steady
 from hil_sim.cia402.supervision import Supervision
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
@@ -121,32 +118,6 @@ class MotionControl:
         self._syncs += 1
         if not self._syncs & 7:  # every eighth SYNC is soon enough for an end switch
             self._supervision.check_travel()
-
-    def steady(self) -> Steady | None:
-        """Bounds within which SYNCs in csp change the demand and nothing else.
-
-        None where a SYNC may have other effects: outside csp, after a change of state or of the
-        mode's bits, beyond an end switch, and where the drive is odd on the bus.
-        """
-        mode, quiet = self._modes.current, self._supervision.unsuspicious
-        if (
-            quiet is None
-            or not self.following
-            or not isinstance(mode, CyclicPosition)
-            or mode.bits != MODE_BIT_12
-            or self.state is not self._word_state
-            or not self._motor.is_streaming
-            or self._motor.settings.quirks is not None
-        ):
-            return None
-        return Steady(self._word, *mode.limits, mode.ticks, *quiet)
-
-    def note_steady(self, targets: Sequence[int]) -> None:
-        """Take over these targets [units] of SYNCs that the plant has run, all within `steady`."""
-        self._modes.current.note_targets(targets)
-        self._supervision.reset_following()
-        self._supervision.reset_force()
-        self._syncs += len(targets)
 
     def switch_off(self) -> None:
         """Take the force off before the application is reset."""

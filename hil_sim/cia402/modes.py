@@ -7,7 +7,7 @@ without SYNC nothing moves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -93,9 +93,6 @@ class Mode:
     def on_sync(self) -> None:
         """Act at a SYNC, after the RPDOs have been latched."""
 
-    def note_targets(self, targets: Sequence[int]) -> None:
-        """Take over the targets [units] of SYNCs that the plant has run without this mode."""
-
     def tick(self) -> None:
         """Act once per TICK_NS, before the generator's next step is commanded."""
         if self.halted and self.context.generator.done:
@@ -178,20 +175,6 @@ class CyclicPosition(Mode):
         """Follow again, from where the demand is at rest."""
         super().resume()
         self.start()
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """Lowest and highest target [units], largest force offset [1/1000 rated]."""
-        return self._low, self._high, self._force_limit
-
-    @property
-    def ticks(self) -> int:
-        """Control ticks in which a setpoint is reached."""
-        return self._ticks
-
-    def note_targets(self, targets: Sequence[int]) -> None:
-        """See `Mode.note_targets`."""
-        self._before, self._last = (self._last, *targets)[-2:]
 
     def on_sync(self) -> None:
         """Take over target and force offset of this SYNC."""

@@ -64,17 +64,6 @@ class Supervision:
         self._unsuspicious = min(self._window, self._overload)
         self._timeout_ns = self._dictionary.integer(o.FOLLOWING_TIMEOUT) * 1_000_000
 
-    @property
-    def unsuspicious(self) -> tuple[int, int, float] | None:
-        """Lowest and highest encoder counts, largest following error [units] without a fault.
-
-        None where an end switch has been passed.
-        """
-        if self._beyond_travel:
-            return None
-        low, high = self._switches
-        return low, high, self._unsuspicious
-
     def reset_following(self) -> None:
         """Restart the timeout: the axis is at its demand."""
         self._outside_ns = None

@@ -52,42 +52,32 @@ def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
 @kernel()
 def step(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
-    orders, bounds, report,
+    orders, report,
 ):  # fmt: skip
-    """Execute commands, advance and report, K times (15 arguments: one call for `Plant`).
+    """Execute commands, advance and report (14 arguments: one call for `Plant`).
 
-    Arguments up to `ticks`: as those of `advance`, `ticks` each time. `orders`, float64[K, axes,
-    5]: 1 to command, position [m], force offset [N], ticks; 1 to restart the worst following error.
-    Executed flags are set to 0. `bounds`, float64[axes, 3]: lowest and highest encoder counts,
-    largest following error [m]; a report outside them is the last one. `report`, float64[K, axes,
-    5], written: encoder counts, motor force [N], demand [m], encoder velocity [m/s], worst
-    following error [m].
+    Arguments up to `ticks`: as those of `advance`. `orders`, float64[axes, 5]: 1 to command,
+    position [m], force offset [N], ticks; 1 to restart the worst following error. Executed flags
+    are set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
+    encoder velocity [m/s], worst following error [m].
     """
-    for k in range(orders.shape[0]):
-        within = True
-        for a in range(plant.shape[0]):
-            if orders[k, a, 0] != 0.0:
-                command(loop[a], orders[k, a, 1], orders[k, a, 2], int(orders[k, a, 3]))
-                orders[k, a, 0] = 0.0
-            if orders[k, a, 4] != 0.0:
-                state[a].worst_error = 0.0
-                orders[k, a, 4] = 0.0
-        advance(
-            plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
-            first + k * ticks, ticks,
-        )  # fmt: skip
-        for a in range(plant.shape[0]):
-            report[k, a, 0] = round(state[a].encoder / plant[a].increment)
-            report[k, a, 1] = state[a].motor_force
-            report[k, a, 2] = loop[a].demand
-            report[k, a, 3] = state[a].speed
-            report[k, a, 4] = state[a].worst_error
-            if not (
-                bounds[a, 0] <= report[k, a, 0] <= bounds[a, 1] and report[k, a, 4] <= bounds[a, 2]
-            ):
-                within = False
-        if not within:
-            return
+    for a in range(plant.shape[0]):
+        if orders[a, 0] != 0.0:
+            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
+            orders[a, 0] = 0.0
+        if orders[a, 4] != 0.0:
+            state[a].worst_error = 0.0
+            orders[a, 4] = 0.0
+    advance(
+        plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
+        first, ticks,
+    )  # fmt: skip
+    for a in range(plant.shape[0]):
+        report[a, 0] = round(state[a].encoder / plant[a].increment)
+        report[a, 1] = state[a].motor_force
+        report[a, 2] = loop[a].demand
+        report[a, 3] = state[a].speed
+        report[a, 4] = state[a].worst_error
 
 
 @kernel()

@@ -22,10 +22,6 @@ def _int32(value: float) -> int:
     return max(-(1 << 31), min((1 << 31) - 1, round(value)))
 
 
-def _clipped(values: F64, low: int, high: int) -> I64:
-    return np.minimum(np.maximum(values, low), high).astype(np.int64)  # three times as fast as clip
-
-
 class Motor:
     """Encoder, force and demand of one axis.
 
@@ -112,32 +108,6 @@ class Motor:
         true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
         acting = permille if self._odd is None else self._odd.take(permille)
         self._plant.command(self._axis, true, acting * self._permille, ticks)
-
-    # -- Of several SYNCs at once, as the methods for one ----------------------------------------
-
-    @property
-    def is_streaming(self) -> bool:
-        """Whether the loop is closed and setpoints have been commanded before."""
-        return self._ready
-
-    def positions(self, counts: F64) -> I64:
-        """Position actual values [units] of encoder counters, float64[K]."""
-        relative = counts - self.origin
-        values = relative * self._whole if self._whole else np.rint(relative * self._scale)
-        return _clipped(values, -0x80000000, 0x7FFFFFFF)
-
-    def permilles(self, forces: F64) -> I64:
-        """Torque actual values [1/1000 rated] of motor forces [N], float64[K]."""
-        return _clipped(np.rint(forces / self._permille), -32768, 32767)
-
-    def commands(self, targets: I64, offsets: I64) -> tuple[F64, F64]:
-        """True coordinates [m] and force offsets [N] of targets [units, 1/1000 rated], int64[K]."""
-        whole = self._whole
-        if whole:
-            true = np.multiply(targets + self.origin * whole, self.unit)
-        else:
-            true = np.multiply(targets, self.unit) + self.origin * self.settings.increment
-        return true, np.multiply(offsets, self._permille)
 
     def _begin_streaming(self) -> None:
         if not self._clock_started:

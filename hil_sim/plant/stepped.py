@@ -12,7 +12,6 @@ from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.control import HELD_AT_POSITION
 from hil_sim.plant.mechanics import step
 from hil_sim.plant.noise import Noise
-from hil_sim.ports import SetpointBlock
 from hil_sim.settings import StageSettings
 from stagedata.compiled import machine_code
 
@@ -53,11 +52,9 @@ class Plant:
         self._used = 0
         self._clock_runs = False
         # Commands wait for the next step; its report is kept as plain floats.
-        self._orders = np.zeros((1, count, 5))
-        self._order_rows: list[Any] = [memoryview(row) for row in self._orders[0]]
-        self._bounds = np.zeros((count, 3))  # of no effect on a single step
-        self._reports = np.zeros((1, count, 5))
-        self._report = self._reports[0]
+        self._orders = np.zeros((count, 5))
+        self._order_rows: list[Any] = [row.data for row in self._orders]
+        self._report = np.zeros((count, 5))
         self._report[:, 0] = np.round(arrays.state["encoder"] / arrays.plant["increment"])
         self._report[:, 2] = arrays.state["encoder"]
         self._values: list[list[float]] = self._report.tolist()
@@ -103,8 +100,7 @@ class Plant:
                 self._used = 0
             part = min(ticks, _NOISE_BLOCK - self._used)
             arguments = (
-                *self._kernel, self._normals, self._used, part, self._orders, self._bounds,
-                self._reports,
+                *self._kernel, self._normals, self._used, part, self._orders, self._report,
             )  # fmt: skip
             if self._step is None:
                 self._step = machine_code(step, *arguments)  # a first call
@@ -113,48 +109,6 @@ class Plant:
             self._used += part
             ticks -= part
         self._values = self._before = self._after = self._report.tolist()
-
-    def run_block(self, block: SetpointBlock) -> None:
-        """As `advance_to` and `command` for one instant after the other; see `BlockPlantPort`.
-
-        Only at instants that are ends of control ticks, and as far as the noise drawn reaches.
-        """
-        ticks, rest = divmod(block.period_ns, self._period_ns)
-        most = min(len(block.positions), (_NOISE_BLOCK - self._used) // max(ticks, 1))
-        late = self.time_ns - (block.first_ns - block.period_ns)
-        if most < 1 or rest or late or self._step is None:
-            return
-        orders = np.ones((most, *block.positions.shape[1:], 5))
-        orders[0] = self._orders[0]
-        orders[1:, :, 1] = block.positions[: most - 1]
-        orders[1:, :, 2] = block.forces[: most - 1]
-        orders[1:, :, 3] = block.ticks
-        reports = np.full_like(orders, np.nan)
-        try:
-            self._step(
-                *self._kernel, self._normals, self._used, ticks, orders, block.bounds, reports
-            )
-        finally:  # also where a signal was waiting for the end of this call
-            self._conclude(block, reports[: np.isfinite(reports[:, 0, 0]).sum()], ticks)
-
-    def _conclude(self, block: SetpointBlock, reports: F64, ticks: int) -> None:
-        """Bring time, noise and reports to the end of a block of as many instants as reports."""
-        if not len(reports):
-            return
-        self.time_ns += len(reports) * block.period_ns
-        self._used += len(reports) * ticks
-        last = reports[-1]
-        self._values = self._before = self._after = last.tolist()
-        self._orders[:] = 0.0
-        low, high, worst = block.bounds.T
-        if not ((last[:, 0] >= low) & (last[:, 0] <= high) & (last[:, 4] <= worst)).all():
-            block.reports = reports[:-1]  # the last instant is the caller's to judge
-            return
-        block.reports = reports
-        done = len(reports) - 1
-        for axis in range(len(last)):
-            self.command(axis, block.positions[done, axis], block.forces[done, axis], block.ticks)
-            self.following_error(axis)
 
     def power(self, axis: int, on: bool) -> None:
         """Close the loop (demand := actual, integrator and offset := 0) or cut the force."""
@@ -168,7 +122,7 @@ class Plant:
         ):  # fmt: skip
             loop[name] = 0
         loop["powered"], loop["open"] = on, False
-        self._orders[0, axis] = (0.0, 0.0, 0.0, 0.0, 1.0)
+        self._orders[axis] = (0.0, 0.0, 0.0, 0.0, 1.0)
         self._values[axis][2] = reading
         self._values[axis][4] = 0.0
 

@@ -145,7 +145,6 @@ class Experiment:
         stage: Stage,
         stop: Callable[[], bool] = lambda: False,
         progress: Callable[[float], object] = lambda _: None,
-        block: int = 0,
     ) -> dict[str, AxisResponse]:
         """Shake the stage and evaluate its responses.
 
@@ -153,8 +152,6 @@ class Experiment:
             stage: enabled in csp, at rest where it was planned for, without a correction.
             stop: asked at every SYNC; True ends the measurement.
             progress: called with the share that is done.
-            block: limits are looked at after so many SYNCs, for a stage in virtual time that nobody
-                can hurt; 0: at every SYNC.
 
         Returns:
             Axis -> responses at rest and while sliding.
@@ -165,7 +162,7 @@ class Experiment:
             DriverError: from the stage.
         """
         watch = _Watch(
-            stage, self._columns, self.bounds, self._period, self.duration, stop, progress, block
+            stage, self._columns, self.bounds, self._period, self.duration, stop, progress
         )
         still = np.tile(self._start, (round(REST / self._period), 1))
         watch.stream(still, np.zeros_like(still))
@@ -294,13 +291,12 @@ class _Watch:
         duration: float,
         stop: Callable[[], bool],
         progress: Callable[[float], object],
-        block: int,
     ) -> None:
-        self._stage, self._period, self._block = stage, period, block
+        self._stage, self._period = stage, period
         self._limits = list(zip(columns, bounds, strict=True))
         self._stop, self._stopped = stop, False
         self._progress, self._rows, self._done = progress, duration / period, 0
-        self._recent: deque[Sequence[float]] = deque(maxlen=SPAN)
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=SPAN)
         self._exceeded: str | None = None
 
     def stream(self, demand: F64, offset: F64) -> Samples:
@@ -310,50 +306,34 @@ class _Watch:
             RunFault: a limit was exceeded; the stage is to be stopped.
             Aborted: it was stopped.
         """
-        samples = self._in_blocks(demand, offset) if self._block else self._singly(demand, offset)
+        row = 0
+
+        def exceeds(position: tuple[float, ...]) -> bool:
+            nonlocal row
+            before = self._recent[0] if len(self._recent) == SPAN else position
+            self._recent.append(position)
+            target, row = demand[row], row + 1
+            force = self._stage.forces
+            for column, limit in self._limits:
+                error = abs(position[column] - target[column])
+                speed = abs(position[column] - before[column]) / (SPAN * self._period)
+                self._exceeded = _reason(limit, error, speed, abs(force[column]))
+                if self._exceeded is not None:
+                    return True
+            if self._stop():
+                self._stopped = True
+                return True
+            self._done += 1
+            if self._done % 256 == 0:
+                self._progress(min(self._done / self._rows, 1.0))
+            return False
+
+        samples = self._stage.stream(demand, offset, exceeds)
         if self._exceeded is not None:
             raise RunFault(f"the measurement was ended: {self._exceeded}")
         if self._stopped:
             raise Aborted("the measurement was stopped by the operator")
         return samples
-
-    def _singly(self, demand: F64, offset: F64) -> Samples:
-        targets = iter(demand)
-        stage = self._stage
-        return stage.stream(
-            demand, offset, lambda position: self._ends(next(targets), position, stage.forces)
-        )
-
-    def _in_blocks(self, demand: F64, offset: F64) -> Samples:
-        parts = []
-        for first in range(0, len(demand), self._block):
-            rows = slice(first, first + self._block)
-            own = self._stage.stream(demand[rows], offset[rows])
-            parts.append(own)
-            columns = (demand[rows].tolist(), own.position.tolist(), own.force.tolist())
-            if any(self._ends(*row) for row in zip(*columns, strict=True)):
-                break
-        return Samples.concatenate(parts)
-
-    def _ends(
-        self, target: Sequence[float], position: Sequence[float], force: Sequence[float]
-    ) -> bool:
-        """Whether a sample ends the measurement."""
-        before = self._recent[0] if len(self._recent) == SPAN else position
-        self._recent.append(position)
-        for column, limit in self._limits:
-            error = abs(position[column] - target[column])
-            speed = abs(position[column] - before[column]) / (SPAN * self._period)
-            self._exceeded = _reason(limit, error, speed, abs(force[column]))
-            if self._exceeded is not None:
-                return True
-        if self._stop():
-            self._stopped = True
-            return True
-        self._done += 1
-        if self._done % 256 == 0:
-            self._progress(min(self._done / self._rows, 1.0))
-        return False
 
 
 def _reason(limit: AxisBounds, error: float, speed: float, force: float) -> str | None:

@@ -26,7 +26,6 @@ def measure_stage(
     agreed: Callable[[list[str]], bool] = lambda _: True,
     stop: Callable[[], bool] = lambda: False,
     progress: Callable[[float], object] = lambda _: None,
-    block: int = 0,
 ) -> Measurement:
     """Measure the responses of a stage.
 
@@ -37,7 +36,6 @@ def measure_stage(
         agreed: called with what each axis will do; False ends the measurement before it begins.
         stop: asked at every SYNC; True ends the measurement.
         progress: called with the share that is done.
-        block: as of `Experiment.run`.
 
     Raises:
         RunFault: a limit was exceeded.
@@ -50,7 +48,7 @@ def measure_stage(
     stated = [bounds.describe(machine.axes[bounds.name].rotary) for bounds in planned.bounds]
     if not agreed([*stated, f"for {planned.duration:.0f} s"]):
         raise Aborted("not measured")
-    responses = planned.run(stage, stop, progress, block)
+    responses = planned.run(stage, stop, progress)
     identities = identify(stage) if measured is not None else {}
     period = machine.bus.sync_period
     axes = {

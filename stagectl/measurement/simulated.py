@@ -20,8 +20,6 @@ from stagectl.measurement.document import Measurement, parse_measurement
 from stagectl.measurement.procedure import measure_stage, refused_as_fault
 
 SEED = 1
-BLOCK = 100
-"""SYNCs that the virtual stage takes at once; its limits are looked at after them."""
 KEPT = 100
 """Responses that are kept, the latest; each takes some 80 kB."""
 _PACKAGES = ("drivers", "estimation", "hil_sim", "stagectl", "stagedata")
@@ -72,7 +70,7 @@ def measure_simulated(machine: Machine, truth: Machine, seed: int) -> Measuremen
             stage.boot()
             stage.home()
             stage.enable()
-            found = measure_stage(stage, machine, block=BLOCK)
+            found = measure_stage(stage, machine)
             stage.disable()
             return found
     finally:

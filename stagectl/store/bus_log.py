@@ -14,12 +14,10 @@ says so in `failure`, and keeps the frames it has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from datetime import datetime, tzinfo
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
@@ -86,14 +84,6 @@ class BusLog:
                 self.failure = f"{self._spool}: cannot write: {error.strerror}"
 
     __call__ = tap
-
-    def extend(self, frames: Sequence[Any]) -> None:
-        """Log frames: time [ns], id and data of the first, of the second, ...; as `tap`."""
-        if self.failure is None:
-            try:
-                self._frames.extend(frames)
-            except OSError as error:
-                self.failure = f"{self._spool}: cannot write: {error.strerror}"
 
     def close(self) -> None:
         """Convert the spool to the ASC log; idempotent.

@@ -14,12 +14,12 @@ import os
 import shutil
 import struct
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, BinaryIO, cast
+from typing import BinaryIO, cast
 
 from stagectl.errors import UnusableInput, failure_to_write
 from stagectl.store.atomic import create_anew
@@ -30,8 +30,6 @@ HEAD = struct.Struct("<8sqB")
 """Head of each part: magic, start of the run [us since 1970], host node."""
 FRAME = struct.Struct("<qIB8s")
 """A frame: time [ns], id, length, data."""
-_FRAME_OF_THREE = "qI9p"
-"""The same from three values: a counted string has its length before its bytes."""
 MAGIC = b"stgspool"
 _AHEAD = 4096  # frames before the end of a part at which the next one is opened
 _BLOCK = 1 << 20  # bytes compressed at once
@@ -74,16 +72,6 @@ class FrameSpool:
         self._left -= 1
         if self._left <= 0:
             self._turn()
-
-    def extend(self, frames: Sequence[Any]) -> None:
-        """Append frames: time [ns], id and data of the first, of the second, ...; as `append`."""
-        count = len(frames) // 3
-        if count < self._left:
-            self._write(_packer(count)(*frames))
-            self._left -= count
-            return
-        for k in range(0, len(frames), 3):
-            self.append(*frames[k : k + 3])
 
     def close(self) -> None:
         """Hand over everything and wait for the thread; idempotent.
@@ -134,12 +122,6 @@ class FrameSpool:
         while (job := self._jobs.get()) is not None:
             with suppress(OSError):  # such as a full disk: the part stays as it is
                 job()
-
-
-@cache
-def _packer(count: int) -> Callable[..., bytes]:
-    """Packs so many frames."""
-    return struct.Struct("<" + count * _FRAME_OF_THREE).pack
 
 
 def part_path(path: Path, number: int) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from hil_sim.stage import VirtualStage
 from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.sequencer import ObservedOffsets
-from stagectl.store import BusLog
 from stagedata import Samples
 
 NAMES = (f"direct-{n}" for n in itertools.count())
@@ -34,26 +32,20 @@ class StepByStep(LockstepBus):
 
 
 class Counted(LockstepBus):
-    """Counts the SYNCs that were exchanged at once, and the largest block of them."""
+    """Counts the SYNCs that were exchanged at once."""
 
-    at_once, largest = 0, 0
+    at_once = 0
 
     def exchange(self, *arguments):
         answers = super().exchange(*arguments)
         self.at_once += bool(answers)
         return answers
 
-    def exchange_block(self, rows, ids, grid_ns, sync_id, expected, answers):
-        outcome = super().exchange_block(rows, ids, grid_ns, sync_id, expected, answers)
-        done = len(answers) // len(expected)
-        self.at_once, self.largest = self.at_once + done, max(self.largest, done)
-        return outcome
-
 
 class Run:
     """A stage on a bus of this kind; what it sent, received and sampled."""
 
-    def __init__(self, machine, kind, sink=True, faults=(), count_sync=False, homing=37, tap=None):
+    def __init__(self, machine, kind, faults=(), count_sync=False, homing=37):
         self.frames, self.samples, self.failure = [], [], None
         self.streams = []
         bus, axes = driver_settings(machine)
@@ -70,9 +62,8 @@ class Run:
         )
         self.bus = kind(channel=name)
         axes = [dataclasses.replace(axis, homing_method=homing) for axis in axes]
-        self.stage = Stage.open(bus, axes, tap or self.note, self.bus)
-        if sink:
-            self.stage.sink = self.samples.append
+        self.stage = Stage.open(bus, axes, self.note, self.bus)
+        self.stage.sink = self.samples.append
         self.stage.boot()
         self.stage.home()
         self.stage.enable()
@@ -113,17 +104,6 @@ def in_both_ways(machine, act, **options):
     return direct
 
 
-def in_blocks(machine, act, **options):
-    """What `act` does with a stage, also in blocks of SYNCs: there is no sink to be called."""
-    in_both_ways(machine, act, **options)
-    single, blocks = runs = [
-        made(machine, kind, act, sink=False, **options) for kind in (StepByStep, Counted)
-    ]
-    assert_equal(*runs)
-    assert len(single.frames) > 1000
-    return blocks
-
-
 def made(machine, kind, act, **options):
     run = Run(machine, kind, **options)
     act(run)
@@ -147,30 +127,10 @@ def test_a_stream_writes_the_same_frames_and_samples(stage_machine):
     run = in_both_ways(stage_machine, lambda run: (run.stream(), run.stream()))
     assert len(run.samples) == 2 * COUNT
     assert run.bus.at_once > 0.9 * len(run.samples)
-    assert run.bus.largest == 0
 
 
-def test_blocks_of_syncs_write_the_same_frames_and_samples(stage_machine):
-    run = in_blocks(stage_machine, lambda run: (run.stream(), run.stream()))
-    assert sum(len(samples) for samples, *_ in run.streams) == 2 * COUNT
-    assert run.bus.at_once > 0.9 * 2 * COUNT
-    assert run.bus.largest > 20
-
-
-def test_a_bus_log_gets_blocks_as_single_frames(stage_machine, tmp_path):
-    texts = []
-    for kind in (StepByStep, Counted):
-        with BusLog(tmp_path / f"{kind.__name__}.asc", datetime(2026, 1, 1, tzinfo=UTC)) as log:
-            run = Run(stage_machine, kind, sink=False, tap=log)
-            run.stream()
-            run.end()
-        texts.append(log.path.read_text())
-    assert texts[0] == texts[1]
-    assert texts[0].count("\n") > 5 * COUNT
-
-
-def test_an_interrupt_inside_a_block_ends_it_as_step_by_step(stage_machine):
-    """Between two SYNCs of it, by whoever's timer."""
+def test_an_interrupt_ends_a_stream_as_step_by_step(stage_machine):
+    """Between two SYNCs, by whoever's timer."""
 
     def act(run):
         def interrupt():
@@ -182,7 +142,7 @@ def test_an_interrupt_inside_a_block_ends_it_as_step_by_step(stage_machine):
         except KeyboardInterrupt:
             run.failure = "interrupted"
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert run.failure == "interrupted"
 
 
@@ -191,7 +151,7 @@ def test_a_heartbeat_that_comes_late_ends_the_stream_as_step_by_step(stage_machi
         run.at(0.2003, lambda: setattr(run.drives.drives[1].nmt, "_beat", lambda due: None))
         run.stream()
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert "heartbeat" in run.failure
 
 
@@ -206,11 +166,11 @@ def test_a_target_beyond_the_drives_own_limit_is_cut_as_step_by_step(stage_machi
         run.at(0.1003, lower)
         run.stream()
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert len({int(word) for word in run.streams[0][STATUSWORD][:, 0]}) > 1
 
 
-def test_velocities_are_streamed_in_blocks_as_step_by_step(stage_machine):
+def test_velocities_are_streamed_as_step_by_step(stage_machine):
     def act(run):
         velocity = 0.01 * np.sin(np.linspace(0.0, np.pi, COUNT))[:, None] * [1.0, -1.0]
         velocity[-1] = 0.0
@@ -218,10 +178,10 @@ def test_velocities_are_streamed_in_blocks_as_step_by_step(stage_machine):
         run.stage.enable()
         run.stream()
 
-    assert in_both_ways(stage_machine, act).bus.largest > 20
+    assert in_both_ways(stage_machine, act).bus.at_once > COUNT
 
 
-def test_a_stage_stops_in_the_middle_of_blocks_as_step_by_step(stage_machine):
+def test_a_stage_stops_as_step_by_step(stage_machine):
     """By a quick stop between two streams, and one of a drive inside the second."""
 
     def act(run):
@@ -232,7 +192,7 @@ def test_a_stage_stops_in_the_middle_of_blocks_as_step_by_step(stage_machine):
         run.at(0.2003, lambda: drive.dictionary.set_data(0x6040, 0, b"\2\0"))
         run.stream()
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert "QUICK STOP" in run.failure.upper()
 
 
@@ -301,7 +261,7 @@ def test_a_fault_in_a_stream_ends_it_as_step_by_step(stage_machine, strike, afte
         run.at(after, lambda: strike(run))
         run.stream()
 
-    in_blocks(stage_machine, act)
+    in_both_ways(stage_machine, act)
 
 
 @pytest.mark.parametrize("axis", [0, 1])  # its EMCY comes before, or after, the last TPDO
@@ -311,7 +271,7 @@ def test_a_following_error_that_a_sync_itself_reveals_ends_it_as_step_by_step(st
         run.at(0.15, lambda: drive.dictionary.set_data(0x6065, 0, b"\2\0\0\0"))
         run.stream()
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert f"axis {'xy'[axis]}" in run.failure
     assert "0x8611" in run.failure
 
@@ -341,14 +301,14 @@ def test_a_tpdo_that_comes_twice_now_and_then_is_forgotten(stage_machine):
             run.at(0.0203 + n * 0.002, repeat)
         run.stream()
 
-    run = in_blocks(stage_machine, act)
+    run = in_both_ways(stage_machine, act)
     assert run.failure is None
     assert run.streams[0][-1][:, 0].sum() == 60  # counted for axis x
 
 
 def test_frames_lost_and_doubled_are_treated_as_step_by_step(stage_machine):
     frames = f.Frames(frozenset({0x181, 0x182}), "drives", after=0.5, probability=0.02)
-    run = in_blocks(
+    run = in_both_ways(
         stage_machine, lambda run: run.stream(), faults=(f.Drop(frames), f.Duplicate(frames))
     )
     assert run.bus.at_once == 0
@@ -360,6 +320,6 @@ def test_homing_on_the_index_takes_the_same_steps(stage_machine):
 
 
 def test_a_sync_counter_counts_on(stage_machine):
-    run = in_blocks(stage_machine, lambda run: run.stream(), count_sync=True)
+    run = in_both_ways(stage_machine, lambda run: run.stream(), count_sync=True)
     counts = [data[0] for _, can_id, data in run.frames if can_id == 0x80][-COUNT:]
     assert set(np.diff(counts)) == {1, -9}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
 import pytest
 
 from hil_sim.plant import Motor
@@ -53,28 +52,3 @@ def test_a_target_reaches_the_loop_as_exactly_that_many_nanometres(make_motor, p
         assert position == (target + origin) * 1e-9
         assert force == pytest.approx(1.0)
         assert motor.to_drive(motor.to_true(target)) == target
-
-
-@pytest.mark.parametrize("increment", [1e-9, 5e-9, 0.5e-9, 0.4e-9])
-def test_several_values_are_converted_as_one(make_motor, plant, increment):
-    motor = make_motor(increment)
-    motor.origin = -4_999_999
-    rng = np.random.default_rng(1)
-    counts = np.concatenate([rng.integers(-(10**8), 10**8, 200), [3 * 10**9, -3 * 10**9]])
-    forces = np.concatenate([rng.normal(0.0, 50.0, 200), [0.06, 0.02, 1e4, -1e4]])
-    targets = rng.integers(-(2**31), 2**31, 200)
-    singly = []
-    for count in counts.tolist():
-        plant.actual[0] = count * 1e-9
-        singly.append(motor.position())
-    assert motor.positions(counts.astype(float)).tolist() == singly
-    singly = []
-    for force in forces.tolist():
-        plant.offset[0] = force
-        singly.append(motor.force())
-    assert motor.permilles(forces).tolist() == singly
-    for target in targets.tolist():
-        motor.command(target, target % 3000 - 1500, 10)
-    positions, offsets = motor.commands(targets, targets % 3000 - 1500)
-    commanded = [command[2:4] for command in plant.commands[-len(targets) :]]
-    assert list(zip(positions.tolist(), offsets.tolist(), strict=True)) == commanded

@@ -142,11 +142,10 @@ def enabled(machine):
         bus.shutdown()
 
 
-def test_it_stays_within_what_it_states(machine, enabled, as_modelled):
+def test_it_stays_within_what_it_states(machine, enabled):
     stage, stated, samples = enabled(machine), [], []
     stage.sink = samples.append
-    found = measure_stage(stage, machine, agreed=lambda lines: stated.extend(lines) or True)
-    assert found.as_text() == as_modelled.as_text()  # which went in blocks
+    measure_stage(stage, machine, agreed=lambda lines: stated.extend(lines) or True)
     assert len(stated) == 3
     assert stated[0].startswith("x: from -0.003 to 31.7")
     table = np.array(samples, dtype=np.int64)
@@ -166,11 +165,8 @@ def test_a_limit_ends_it(machine, enabled):
     figures = x.plant.friction.model_copy(update={"coulomb": 80.0})
     stuck = x.model_copy(update={"plant": x.plant.model_copy(update={"friction": figures})})
     truth = machine.model_copy(update={"axes": {**machine.axes, "x": stuck}})
-    above = r"axis x: (motor force|following error) above"
-    with pytest.raises(RunFault, match=above):
+    with pytest.raises(RunFault, match=r"axis x: (motor force|following error) above"):
         measure_stage(enabled(truth), machine)
-    with pytest.raises(RunFault, match=above):
-        measure_simulated(machine, truth, 1)
 
 
 def test_nothing_moves_before_it_is_agreed_to(machine, enabled):
