@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from stagectl.paper import Case, Study
+    from stagectl.paper import Study
 
 
 @click.command
@@ -70,23 +71,33 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
     from functools import partial
 
     from stagectl.errors import UnusableInput
-    from stagectl.paper import fixed_force, page, study, tables
+    from stagectl.paper import Case, Options, Processing, Setup, page, study, tables
 
     console = console_for(json_out)
     with progress_bar(console, "simulating") as update:
         try:
-            found = study.run(_case(chosen), quick, partial(update, "simulating"))
+            case = Case(
+                Setup(
+                    **{
+                        name: chosen[name]
+                        for name in ("rate", "profile", "bandwidth", "feedforward")
+                    }
+                ),
+                Processing(cut_off=chosen["cut_off"] or None),
+                options=Options(initial=chosen["initial"], bounds=chosen["bounds"]),
+            )
+            found = study.run(case, quick, partial(update, "simulating"))
         except ValueError as error:
             raise UnusableInput(f"paper: {error}") from error
     if json_out is not None:
         write_json(
             {
                 "tables": tables.as_json(found.tables),
-                "fixed_force": fixed_force.fixed_as_json(found.fixed),
-                "claims": [
-                    {"claim": c.claim, "verdict": c.verdict, "figure": c.figure}
-                    for c in found.claims
+                "fixed_force": [
+                    {"initial": v.initial, "bounds": v.bounds, "tables": tables.as_json(v.tables)}
+                    for v in found.fixed
                 ],
+                "claims": [asdict(claim) for claim in found.claims],
             },
             json_out,
         )
@@ -98,82 +109,16 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
             console.print(f"page: {out}")
 
 
-def _case(chosen: dict[str, Any]) -> Case:
-    from stagectl.paper import Case, Options, Processing, Setup
-
-    return Case(
-        Setup(
-            rate=chosen["rate"],
-            profile=chosen["profile"],
-            bandwidth=chosen["bandwidth"],
-            feedforward=chosen["feedforward"],
-        ),
-        Processing(cut_off=chosen["cut_off"] or None),
-        options=Options(initial=chosen["initial"], bounds=chosen["bounds"]),
-    )
-
-
 def _show(found: Study, console: Console) -> None:
-    from rich.table import Table
+    from rich.table import Column, Table
 
     from stagectl.paper import page
 
-    console.print(_estimates(found))
-    console.print(_fixed(found))
-    judged = Table(title="Claims of the paper", title_justify="left", show_lines=True)
-    for name in ("claim", "verdict", "figure"):
-        judged.add_column(name, overflow="fold", ratio=2 if name == "figure" else 1)
-    for claim in found.claims:
-        judged.add_row(claim.claim, claim.verdict, claim.figure)
-    console.print(judged)
-    if not found.sensitivity:
-        return
-    varied = Table(
-        title="Two windows, errors in %, one choice changed (aligned unless stated)",
-        title_justify="left",
-    )
-    for name in ("choice", "", "Fc", "C", "sigma_v", "sigma0"):
-        varied.add_column(name, justify="left" if name in ("choice", "") else "right")
-    last = ""
-    for row in found.sensitivity:
-        errors = page.errors(row)
-        varied.add_row(row.group if row.group != last else "", row.choice, *errors)
-        last = row.group
-    console.print(varied)
-
-
-def _fixed(found: Study) -> Any:
-    """Zone A's initial force fixed: estimates without their deviations, to fit a terminal."""
-    from rich.table import Table
-
-    from stagectl.paper import page
-
-    table = Table(
-        title="Zone A's initial force fixed (sigma0 in kN/m)", title_justify="left", padding=(0, 0)
-    )
-    for name in ("steps", "begins at", "force", "", "Fc", "C", "sigma_v", "sigma0", "eval."):
-        table.add_column(name, justify="left" if name in ("steps", "begins at", "force", "")
-                         else "right")  # fmt: skip
-    for row in page.fixed_rows(found):
-        steps, begins, force, windows, *pairs, _, _, evaluations, _ = row
-        table.add_row(
-            steps, begins.split(" ")[0], force, windows.split(" ")[0],
-            *(pair.split(" ")[0] for pair in pairs), evaluations,
-        )  # fmt: skip
-    return table
-
-
-def _estimates(found: Study) -> Any:
-    """One row per parameter and method, to fit a terminal."""
-    from rich.table import Table
-
-    from stagectl.paper import page
-
-    table = Table(title="Tables I and II", title_justify="left")
-    for name in ("", "windows", "paper", "logged", "aligned"):
-        table.add_column(name, justify="left" if name in ("", "windows") else "right", no_wrap=True)
-    for row in page.table_rows(found):
-        name, _, _, *columns = row
-        for k, method in enumerate(("one", "two")):
-            table.add_row(name if k == 0 else "", method, *columns[k::2], end_section=k == 1)
-    return table
+    for each in page.tables(found):
+        columns = (Column(name, overflow="fold") for name in each.head)
+        table = Table(*columns, title=each.title, title_justify="left", padding=(0, 0))
+        for row in each.rows:
+            table.add_row(*row)
+        console.print(table)
+    for number, claim in enumerate(found.claims, 1):
+        console.print(f"\n{number}. {claim.claim}\n   {claim.verdict}. {claim.figure}")

@@ -9,18 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stagectl.paper import published
-from stagectl.paper.fit import left_by_zone_a, two_windows, zone_a, zone_b
-from stagectl.paper.fixed_force import (
-    BOUNDS_NAMES,
-    CONDITIONS,
-    INITIAL_NAMES,
-    FixedForce,
-    on_bound,
-)
+from stagectl.paper.fit import METHODS, Fit, left_by_zone_a, two_windows, zone_a, zone_b
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.signals import Alignment
-from stagectl.paper.tables import ALIGNMENTS, Case, Tables, error
-from stagectl.paper.window import ALPHA
+from stagectl.paper.tables import (
+    ALIGNMENTS,
+    CONDITIONS,
+    INITIAL_NAMES,
+    Case,
+    FixedForce,
+    Tables,
+    error,
+    on_bound,
+    times_fewer,
+)
+from stagectl.paper.window import ALPHA, Options
 
 F64 = NDArray[np.float64]
 
@@ -95,7 +98,7 @@ def under_fixed_force(
     judged = {(v.bounds, v.initial): claim(v.tables)[0] for v in fixed}
     holding = {
         bounds: [initial for initial in INITIAL_NAMES if judged.get((bounds, initial), NOT) != NOT]
-        for bounds in BOUNDS_NAMES
+        for bounds in CONDITIONS
     }
     # Held under either way of keeping the bounds alike, or under the one that holds more often.
     best = max(holding, key=lambda bounds: len(holding[bounds]))
@@ -163,30 +166,26 @@ def residual(tables: Tables) -> tuple[str, str]:
 
 def evaluations(tables: Tables) -> tuple[str, str]:
     """Verdict and figure: work of one window and two."""
-    gain: dict[Alignment, float] = {}
-    work: dict[Alignment, float] = {}
+    fewer = times_fewer(tables)
     counts = []
     for force in ALIGNMENTS:
-        one, two = tables["one_window"][force], tables["two_windows"][force]
-        gain[force] = sum(one.evaluations) / sum(two.evaluations)
-        samples = [
-            sum(
-                n * (last - first)
-                for n, (first, last) in zip(f.evaluations, f.windows, strict=True)
-            )
-            for f in (one, two)
-        ]
-        work[force] = samples[0] / samples[1]
+        one, two = (tables[method][force] for method in METHODS)
         counts.append(
-            f"{force} {one.evaluations[0]} against "
-            f"{' + '.join(map(str, two.evaluations))} ({gain[force]:.1f} times fewer; "
-            f"{work[force]:.1f} times fewer samples gone through)"
+            f"{force} {one.evaluations[0]} against {' + '.join(map(str, two.evaluations))} "
+            f"({fewer[force]:.1f} times fewer; "
+            f"{_samples(one) / _samples(two):.1f} times fewer samples gone through)"
         )
     figure = (
         f"Evaluations: {', '.join(counts)}; paper 78 against 15 + 12 (2.9). One window needs "
         f"{sum(tables['one_window']['logged'].iterations)} iterations, not 13."
     )
-    return _only({force: value >= 2.5 for force, value in gain.items()}), figure
+    return _only({force: value >= 2.5 for force, value in fewer.items()}), figure
+
+
+def _samples(fit: Fit) -> int:
+    """Samples that all evaluations have gone through."""
+    windows = zip(fit.evaluations, fit.windows, strict=True)
+    return sum(count * (last - first) for count, (first, last) in windows)
 
 
 def attraction(case: Case, runs: int, progress: Callable[[], None]) -> tuple[str, str]:
@@ -194,77 +193,63 @@ def attraction(case: Case, runs: int, progress: Callable[[], None]) -> tuple[str
 
     Spread: half of the range that holds the middle 68 %, over the true value.
     """
-    true = {**published.REFERENCE, "static_ratio": published.STATIC_RATIO}
     held = {**case.options.start, "attraction": published.REFERENCE["attraction"]}
-    kinds = {
-        "C": (case.options, "attraction"),
-        "alpha": (replace(case.options, slide=(0, 2, ALPHA), start=held), "static_ratio"),
-        "together": (replace(case.options, slide=(0, 1, 2, ALPHA)), "attraction"),
-    }
-    found: dict[str, list[float]] = {name: [] for name in (*kinds, "Fc", "sigma_v")}
+    alone = replace(case.options, slide=(0, 2, ALPHA), start=held)
+    both = replace(case.options, slide=(0, 1, 2, ALPHA))
+    values = []
     for seed in range(runs):
-        noisy = replace(case, setup=replace(case.setup, noise=ENCODER_NOISE, seed=seed))
-        move = noisy.move()
-        for kind, (options, name) in kinds.items():
-            fit = two_windows(move, options)
-            found[kind].append(fit.value[name] / true[name])
-            if kind == "C":
-                found["Fc"].append(fit.value["coulomb"] / true["coulomb"])
-                found["sigma_v"].append(fit.value["viscous"] / true["viscous"])
+        move = case.changed(setup={"noise": ENCODER_NOISE, "seed": seed}).move()
+        fit, with_alpha = two_windows(move, case.options).value, two_windows(move, alone).value
+        values.append(
+            [
+                *(fit[name] / published.REFERENCE[name] for name in PARAMETERS[:3]),
+                with_alpha["static_ratio"] / published.STATIC_RATIO,
+                two_windows(move, both).value["attraction"] / published.REFERENCE["attraction"],
+            ]
+        )
         progress()
-    spread = {
-        kind: float(np.subtract(*np.percentile(values, [84, 16]))) / 2
-        for kind, values in found.items()
-    }
+    low, high = np.percentile(values, [16, 84], axis=0)
+    coulomb, rate, viscous, alpha, together = ((high - low) / 2).tolist()
     figure = (
         f"Spread over {runs} runs with {ENCODER_NOISE * 1e9:.0f} nm encoder noise: "
-        f"Fc {_percent(spread['Fc'])}, sigma_v {_percent(spread['sigma_v'])}, "
-        f"C {_percent(spread['C'])}; alpha with C known {_percent(spread['alpha'])}; "
-        f"C with alpha unknown too {_percent(spread['together'])}."
+        f"Fc {_percent(coulomb)}, sigma_v {_percent(viscous)}, C {_percent(rate)}; alpha with C "
+        f"known {_percent(alpha)}; C with alpha unknown too {_percent(together)}."
     )
-    if spread["C"] < 10 * max(spread["Fc"], spread["sigma_v"]):
+    if rate < 10 * max(coulomb, viscous):
         return NOT, figure
-    if max(spread["alpha"], spread["together"]) < 0.2:
+    if max(alpha, together) < 0.2:
         return REPRODUCED, figure
-    if spread["alpha"] < 0.2:
+    if alpha < 0.2:
         return f"{REPRODUCED} only if C is held while alpha is estimated", figure
     return f"{REPRODUCED} only if nothing is asked of alpha in a single move", figure
 
 
 def border(case: Case) -> tuple[str, str]:
     """Verdict and figure: sigma0 with the border between the zones moved."""
-    shifts = (-5e-3, -2e-3, -1e-3, 0.0, 1e-3, 2e-3, 5e-3)
-    errors: dict[bool, list[float]] = {}
-    for turned in (True, False):
-        options = replace(case.options, turned=turned)
-        errors[turned] = [
-            error(
-                replace(case, borders=replace(case.borders, shift=shift), options=options).fit(
-                    "two_windows"
-                ),
-                "stiffness",
-            )
-            for shift in shifts
-        ]
-    early = [i for i, shift in enumerate(shifts) if shift < 0]
-    late = [i for i, shift in enumerate(shifts) if 0 <= shift <= 2e-3]
-    stuck, slipping = errors[True], errors[False]
+
+    def errors(turned: bool, shifts: Sequence[float]) -> dict[float, float]:
+        found = {}
+        for shift in shifts:
+            moved = case.changed(borders={"shift": shift}, options={"turned": turned})
+            found[shift] = error(moved.fit("two_windows"), "stiffness")
+        return found
+
+    def listed(by_shift: dict[float, float]) -> str:
+        return ", ".join(f"{_percent(e)} at {s * 1e3:+.0f} ms" for s, e in by_shift.items())
+
+    early, late = (-5e-3, -2e-3, -1e-3), (0.0, 1e-3, 2e-3, 5e-3)
+    stuck, slipping = errors(True, (*early, *late)), errors(False, early)
     near = 0.02  # the paper's own error of sigma0 with two windows
-
-    def listed(values: list[float], chosen: Iterable[int]) -> str:
-        return ", ".join(f"{_percent(values[i])} at {shifts[i] * 1e3:+.0f} ms" for i in chosen)
-
     figure = (
-        "Error of sigma0 with the border moved, elements sticking from there on: "
-        f"{listed(stuck, range(len(shifts)))}; slipping on until the stage turns back: "
-        f"{listed(slipping, early)}."
+        f"Error of sigma0 with the border moved, elements sticking from there on: {listed(stuck)}; "
+        f"slipping on until the stage turns back: {listed(slipping)}."
     )
-    if max(abs(stuck[i]) for i in late) >= near:
+    if max(abs(stuck[shift]) for shift in late[:3]) >= near:
         return NOT, figure
-    if max(abs(stuck[i]) for i in early) < near:
+    if max(abs(stuck[shift]) for shift in early) < near:
         return REPRODUCED, figure
     verdict = f"{REPRODUCED} only if zone B begins late rather than early"
-    if max(abs(slipping[i]) for i in early) < near:
+    if max(map(abs, slipping.values())) < near:
         verdict += ", or its elements are let slip until the stage turns back"
     return verdict, figure
 
@@ -276,36 +261,34 @@ def robust(case: Case) -> tuple[str, str]:
     start = np.array([case.options.start[name] for name in PARAMETERS])
     slide = []
     for factor in (0.5, 2.0):
-        wrong = start.copy()
-        wrong[3] = factor * true[3]
+        wrong = np.append(start[:3], factor * true[3])
         slide.append(zone_a(move, wrong, case.options).value[:3])
     by_stiffness = float(np.max(np.abs(slide[1] / slide[0] - 1)))
-    apart = replace(case.options, initial="free")
 
-    def stiffness(known: F64, free: bool) -> float:
-        options = apart if free else case.options
+    def stiffness(known: F64, options: Options) -> float:
         return float(zone_b(move, known, left_by_zone_a(move, known), options).value[3])
 
     wrongs = {"coulomb": 0.001, "attraction": 0.1, "viscous": 0.1}
-    handed, estimated = {}, {}
-    for name, wrong_by in wrongs.items():
-        known = true.copy()
-        known[PARAMETERS.index(name)] *= 1 + wrong_by
-        handed[name] = stiffness(known, False) / stiffness(true, False) - 1
-        estimated[name] = stiffness(known, True) / stiffness(true, True) - 1
+    handed, estimated = (
+        [
+            stiffness(np.where([n == name for n in PARAMETERS], true * (1 + by), true), options)
+            / stiffness(true, options)
+            - 1
+            for name, by in wrongs.items()
+        ]
+        for options in (case.options, replace(case.options, initial="free"))
+    )
     listed = ", ".join(
-        f"{_NAMES[name]} wrong by {_percent(wrong)}: {_percent(handed[name])} "
-        f"({_percent(estimated[name])})"
-        for name, wrong in wrongs.items()
+        f"{_NAMES[name]} wrong by {_percent(by)}: {_percent(taken)} ({_percent(found)})"
+        for (name, by), taken, found in zip(wrongs.items(), handed, estimated, strict=True)
     )
     figure = (
         f"sigma0 wrong by a factor 4: Fc, C, sigma_v change by {_percent(by_stiffness)} at most. "
         f"sigma0 in turn, with zone B's initial force taken from zone A (estimated): {listed}."
     )
-    fragile = abs(handed["coulomb"]) > 10 * wrongs["coulomb"]
-    if by_stiffness > 1e-3 or not fragile:
+    if by_stiffness > 1e-3 or abs(handed[0]) <= 10 * wrongs["coulomb"]:
         return NOT, figure
-    if max(map(abs, estimated.values())) > 0.01:
+    if max(map(abs, estimated)) > 0.01:
         return REPRODUCED, figure
     return f"{REPRODUCED} only if zone B takes its initial force from zone A", figure
 

@@ -1,321 +1,261 @@
-"""Writes docs/paper.md: tables, claims and sensitivity in Markdown, with plots."""
+"""The study as tables, and the page docs/paper.md: tables, claims, plots and sensitivity."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from stagectl.paper import plots, published, simulate
+from stagectl.paper import published, simulate
 from stagectl.paper.fit import Fit
-from stagectl.paper.fixed_force import BOUNDS_NAMES, INITIAL_NAMES, on_bound, times_fewer
 from stagectl.paper.published import PARAMETERS, TABLES, Printed
-from stagectl.paper.sensitivity import Row
 from stagectl.paper.study import NOISY_RUNS, Study
-from stagectl.paper.tables import ALIGNMENTS, Case, error
+from stagectl.paper.tables import (
+    ALIGNMENTS,
+    CONDITIONS,
+    INITIAL_NAMES,
+    Case,
+    error,
+    on_bound,
+    times_fewer,
+)
+from stagectl.report import Line, Panel, Span, draw, render_template
 from stagectl.store.atomic import write_atomically
 
 MOVE_PLOT, ZONES_PLOT = "images/paper-move.svg", "images/paper-zones.svg"
+_ZONE_A, _ZONE_B = "#e8f1e4", "#fbeede"
+_MEASURED, _PREDICTED, _DEMAND = "#1f5fa8", "#c8452b", "#777777"
 _INITIAL = {
     "tied": "S(v)",
     "reference": "S(v) under the reference values",
     "measured": "(u - m a - sigma_v v)",
 }
-METHOD_NAMES = {"one_window": "one window", "two_windows": "two windows"}
+_METHODS = {"one_window": "one window", "two_windows": "two windows"}
+_FIGURES = (
+    *("Fc [N]", "C [N/s]", "sigma_v [N s/m]", "sigma0 [kN/m]"),
+    *("MSE(u) [N²]", "iterations", "evaluations"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of texts."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: list[list[str]]
 
 
 def write(study: Study, path: Path) -> None:
     """Write the page, and its plots into `images/` beside it."""
     write_atomically(path, render(study), "page")
     (path.parent / "images").mkdir(exist_ok=True)
-    write_atomically(path.parent / MOVE_PLOT, plots.move(study), "plot")
-    write_atomically(path.parent / ZONES_PLOT, plots.zones(study), "plot")
+    write_atomically(path.parent / MOVE_PLOT, plot_move(study), "plot")
+    write_atomically(path.parent / ZONES_PLOT, plot_zones(study), "plot")
 
 
 def render(study: Study) -> str:
     """The page's text."""
-    parts = [
-        _head(study.case), _tables(study), _fixed_force(study), _claims(study), _plots(),
-        _sensitivity(study),
-    ]  # fmt: skip
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def choices(case: Case) -> list[tuple[str, str]]:
-    """What the paper leaves open, and our choice."""
-    setup, processing, borders, options = (
-        case.setup,
-        case.processing,
-        case.borders,
-        case.options,
-    )
-    kp, ki, kd = simulate.gains(setup.bandwidth)
-    profile = {
-        "sine": "one period of a sine as acceleration",
-        "jerk-limited": f"jerk-limited, {simulate.JERK:g} m/s³",
-    }[setup.profile]
-    cut_off = (
-        "none"
-        if processing.cut_off is None or processing.cut_off >= setup.rate / 2
-        else f"Butterworth of order {processing.order}, {processing.cut_off:g} Hz, forward and "
-        "backward, over velocity, acceleration"
-        + (" and force" if processing.filter_force else ", not force")
-    )
-    onset = (
-        "where all elements of the plant slip" if borders.onset is None else f"{borders.onset:g} m"
-    )
-    return [
-        (
-            "sample rate",
-            f"{setup.rate / 1e3:g} kHz, controller and samples; "
-            f"the mass at {simulate.PLANT_RATE / 1e3:g} kHz",
-        ),
-        (
-            "profile",
-            f"{profile}; {1e3 * simulate.duration(setup.profile):.0f} ms. 0.5 m/s is never "
-            "reached within 25 mm at 3 m/s²",
-        ),
-        (
-            "gains",
-            f"kp {kp:.0f} N/m, ki {ki:.3g} N/(m s), kd {kd:.0f} N s/m: three equal poles, "
-            f"-3 dB at {setup.bandwidth:g} Hz; "
-            + ("acceleration feedforward" if setup.feedforward else "no feedforward"),
-        ),
-        ("derivatives", "central differences of the position"),
-        ("filter", cut_off),
-        ("zone A", f"from {onset} to the first velocity that is not positive"),
-        ("zone B", f"the {borders.stick * 1e3:g} ms behind that"),
-        (
-            "initial element forces",
-            "the window's initial total is an unknown"
-            if options.initial == "free"
-            else f"nu_i {_INITIAL[options.initial]} in zone A, nu_i times zone A's final total in "
-            "zone B",
-        ),
-        (
-            "p >= 0",
-            "each step minimises within the bounds"
-            if options.bounds == "bounded"
-            else "a step that would leave the bounds is halved as a whole until it does not",
-        ),
-        ("Jacobian", f"forward {options.jacobian}" if options.jacobian == "differences"
-         else "the model's own sensitivities"),
-    ]  # fmt: skip
-
-
-def pair(value: float, sigma: float, name: str, decimals: int = 5) -> str:
-    """Value and deviation as the paper prints them, sigma0 in kN/m."""
-    unit = 1e-3 if name == "stiffness" else 1.0
-    return f"{value * unit:.{decimals}f} ± {_small(sigma * unit)}"
-
-
-def percent(share: float) -> str:
-    """A relative error in %; below 0.0005 % it is 0."""
-    value = 100 * share
-    if abs(value) < 5e-4:
-        return "0"
-    return f"{value:+.0f}" if abs(value) >= 99.5 else f"{value:+.2g}"
-
-
-def errors(row: Row) -> list[str]:
-    """Errors of a choice in %, in the order of the parameters; or the reason for having none."""
-    if row.fit is None:
-        return [row.problem, "", "", ""]
-    return [percent(error(row.fit, name)) for name in PARAMETERS]
-
-
-def table_rows(study: Study) -> list[list[str]]:
-    """Tables I and II: name, reference, start, the paper's columns, then ours."""
-    ours = [study.tables[method][force] for force in ALIGNMENTS for method in TABLES]
-    papers = list(TABLES.values())
-    start = study.case.options.start
-    rows = []
-    for name in PARAMETERS:
-        unit = 1e-3 if name == "stiffness" else 1.0
-        symbol = "sigma0 [kN/m]" if name == "stiffness" else published.SYMBOLS[name]
-        rows.append(
-            [
-                symbol,
-                f"{published.REFERENCE[name] * unit:g}",
-                f"{start[name] * unit:g}",
-                *(f"{p.value[name] * unit:g} ± {p.sigma[name] * unit:g}" for p in papers),
-                *(pair(fit.value[name], fit.sigma[name], name) for fit in ours),
-            ]
-        )
-    columns: list[Printed | Fit] = [*papers, *ours]
-    rows.append(["MSE(u) [N²]", "", "", *(_small(c.mse, 2) for c in columns)])
-    for kind in ("iterations", "evaluations"):
-        counts = (" + ".join(map(str, getattr(c, kind))) for c in columns)
-        rows.append([kind, "", "", *counts])
-    return rows
-
-
-def table_head() -> list[str]:
-    """The head of `table_rows`."""
-    ours = [f"{force}, {METHOD_NAMES[m]}" for force in ALIGNMENTS for m in TABLES]
-    return ["", "reference", "start", *(f"paper, {METHOD_NAMES[m]}" for m in TABLES), *ours]
-
-
-def _head(case: Case) -> str:
-    rows = [[f"{name}", text] for name, text in choices(case)]
-    return "\n\n".join(
-        [
-            "# The source paper's section IV, simulated again",
-            "<!-- Made by `stagectl paper --out docs/paper.md`. Don't edit. -->",
-            "M. Boegli, T. De Laet, J. De Schutter, J. Swevers: *A Split-Horizon Scheme for "
-            "On-line Friction Parameter Estimation*. This page compares its tables and claims "
-            "with a simulation of the same experiment: "
-            f"{published.DISTANCE * 1e3:g} mm under a PID of 100 Hz, "
-            f"N = {published.PLANT_ELEMENTS} elements in the plant and "
-            f"N = {published.MODEL_ELEMENTS} in the model, no noise, first iterate at half the "
-            "reference values. The fit is the paper's: unweighted, no prior, deviations from "
-            "MSE (J'J)^-1. Plant and model share no code.",
-            "`stagectl paper --out docs/paper.md` writes this page and its plots; the options of "
-            "`stagectl paper` change what the paper leaves open:",
-            _markdown(["left open", "here"], rows),
-        ]
+    estimates, fixed, *varied = tables(study)
+    verdicts = [claim.verdict for claim in study.claims]
+    return render_template(
+        "paper.md.j2",
+        static=(),
+        distance=f"{published.DISTANCE * 1e3:g}",
+        elements=(published.PLANT_ELEMENTS, published.MODEL_ELEMENTS),
+        choices=Table("", ("left open", "here"), _choices(study.case)),
+        estimates=estimates,
+        smaller=_smaller_deviations(study),
+        fixed=fixed,
+        stuck=_stuck(study),
+        claims=study.claims,
+        counts=[verdicts.count(verdict) for verdict in ("reproduced", "not reproduced")],
+        plots=(MOVE_PLOT, ZONES_PLOT),
+        varied=varied[0] if varied else None,
+        runs=NOISY_RUNS,
     )
 
 
-def _tables(study: Study) -> str:
-    return "\n\n".join(
-        [
-            "## Tables I and II",
-            _markdown(table_head(), table_rows(study)),
-            "*Logged*: force as commanded at the sample. It is held until the next sample, so on "
-            "average it acts half a period later than the position was measured. *Aligned*: mean "
-            "of the commands before and after the sample. ± is one standard deviation. Counts of "
-            "two windows: zone A + zone B. An evaluation is one pass of the model over a window, "
-            "those for the differences included.",
-            _deviations(study),
-        ]
-    )
+def tables(study: Study) -> list[Table]:
+    """Tables I and II; with zone A's initial force fixed; and the sensitivity, if there is one."""
+    return [_estimates(study), _fixed(study), *([_varied(study)] if study.sensitivity else [])]
 
 
-def _deviations(study: Study) -> str:
-    """How the printed deviations compare with MSE (J'J)^-1 at the printed MSE."""
+def _estimates(study: Study) -> Table:
+    """Tables I and II: reference, start, the paper's columns and ours, as rows."""
+    starts = {"reference": published.REFERENCE, "start": study.case.options.start}
+    rows = [
+        [name, *(f"{values[p] * _unit(p):g}" for p in PARAMETERS), "", "", ""]
+        for name, values in starts.items()
+    ]
+    for method, words in _METHODS.items():
+        rows.append([f"paper, {words}", *_figures(TABLES[method], None)])
+    for force in ALIGNMENTS:
+        for method, words in _METHODS.items():
+            rows.append([f"{force}, {words}", *_figures(study.tables[method][force], 5)])
+    return Table("Tables I and II", ("", *_FIGURES), rows)
+
+
+def _smaller_deviations(study: Study) -> tuple[str, str]:
+    """How many times smaller MSE (J'J)^-1 at the printed MSE is than what is printed, range."""
     paper, fit = TABLES["one_window"], study.tables["one_window"]["logged"]
     shares = [
         paper.sigma[name] / (fit.sigma[name] * math.sqrt(paper.mse / fit.mse))
         for name in PARAMETERS
         if fit.sigma[name] > 0
     ]
-    return (
-        "The paper's deviations do not follow from its MSE: with this Jacobian, MSE (J'J)^-1 at "
-        f"the MSE printed for one window gives deviations that are {min(shares):.0f} to "
-        f"{max(shares):.0f} times smaller than those printed."
-    )
+    return f"{min(shares):.0f}", f"{max(shares):.0f}"
 
 
-def fixed_rows(study: Study) -> list[list[str]]:
+def _fixed(study: Study) -> Table:
     """With zone A's initial force fixed: a row per choice, alignment and method."""
     rows = []
     for variant in study.fixed:
         fewer = times_fewer(variant.tables)
         for force in ALIGNMENTS:
-            for method in TABLES:
-                fit = variant.tables[method][force]
-                rows.append(
-                    [
-                        BOUNDS_NAMES[variant.bounds],
-                        INITIAL_NAMES[variant.initial],
-                        force,
-                        METHOD_NAMES[method],
-                        *(pair(fit.value[n], fit.sigma[n], n, 3) for n in PARAMETERS),
-                        _small(fit.mse, 2),
-                        " + ".join(map(str, fit.iterations)),
-                        " + ".join(map(str, fit.evaluations)),
-                        f"{fewer[force]:.1f}" if method == "two_windows" else "",
-                    ]
-                )
-    return rows
+            for method, words in _METHODS.items():
+                choice = [variant.bounds, INITIAL_NAMES[variant.initial], force, words]
+                gain = f"{fewer[force]:.1f}" if method == "two_windows" else ""
+                rows.append([*choice, *_figures(variant.tables[method][force], 3), gain])
+    head = ("steps", "zone A begins at", "force", "", *_FIGURES, "times fewer")
+    return Table("Zone A's initial force fixed", head, rows)
 
 
-def fixed_head() -> list[str]:
-    """The head of `fixed_rows`."""
-    names = ["Fc [N]", "C [N/s]", "sigma_v [N s/m]", "sigma0 [kN/m]", "MSE(u) [N²]"]
-    counts = ["iterations", "evaluations", "times fewer"]
-    return ["steps", "zone A begins at", "force", "", *names, *counts]
-
-
-def _fixed_force(study: Study) -> str:
-    stuck = []
-    for bounds, words in BOUNDS_NAMES.items():
-        fits = [
-            v.tables["one_window"][f] for v in study.fixed if v.bounds == bounds for f in ALIGNMENTS
-        ]
-        ends = [on_bound(fit) for fit in fits]
+def _stuck(study: Study) -> str:
+    """How many fits of one window stop on a bound, by the way in which bounds are kept."""
+    words = []
+    for bounds in CONDITIONS:
+        variants = [v.tables["one_window"] for v in study.fixed if v.bounds == bounds]
+        ends = [on_bound(fit) for fits in variants for fit in fits.values()]
         names = sorted({published.SYMBOLS[name].split(" ")[0] for end in ends for name in end})
         where = f" ({' and '.join(names)} at 0)" if names else ""
-        stuck.append(f"{words} {sum(map(bool, ends))} of {len(ends)}{where}")
-    return "\n\n".join(
-        [
-            "## Zone A's initial force fixed",
-            "Above, zone A's initial force is S(v) of the iterate: it follows Fc. The paper's "
-            "counts, parameters + 2 evaluations per iteration, say that it was no unknown, not "
-            "what it was. Here it does not follow Fc: it is S(v) under the reference values, or "
-            "what the first sample measures. *Bounded*: each step minimises within p >= 0. "
-            "*Shortened*: the Gauss-Newton step is halved as a whole until it stays within; "
-            "where one parameter is at 0, the others stop with it.",
-            _markdown(fixed_head(), fixed_rows(study)),
-            f"Fits of one window that stop on a bound: {', '.join(stuck)}.",
-        ]
-    )
+        words.append(f"{bounds} {sum(map(bool, ends))} of {len(ends)}{where}")
+    return ", ".join(words)
 
 
-def _claims(study: Study) -> str:
-    kinds = [claim.verdict for claim in study.claims]
-    whole, none = kinds.count("reproduced"), kinds.count("not reproduced")
-    parts = [
-        "## The claims",
-        f"Of {len(kinds)} claims {whole} are reproduced, {len(kinds) - whole - none} under a "
-        f"condition, {none} not. *Nearer* and *surer* mean by a tenth at least.",
-    ]
-    for number, claim in enumerate(study.claims, 1):
-        verdict = claim.verdict[:1].upper() + claim.verdict[1:]
-        parts.append(f"{number}. {claim.claim}\n\n   **{verdict}.** {claim.figure}")
-    return "\n\n".join(parts)
-
-
-def _plots() -> str:
-    return "\n\n".join(
-        [
-            "## The move and the fit",
-            f"![Position, velocity and force of the move over time]({MOVE_PLOT})",
-            "*As the paper's figure 3. Dashed: the demand. Shaded: zones A and B.*",
-            f"![Measured and predicted force in zones A and B]({ZONES_PLOT})",
-            "*As the paper's figure 4: measured force and the one predicted with the two-window "
-            "estimate, force aligned; below, their difference. It peaks where a zone begins: the "
-            "filter rounds the kink in the measured force, the model's keeps it.*",
-        ]
-    )
-
-
-def _sensitivity(study: Study) -> str:
-    if not study.sensitivity:
-        return ""
+def _varied(study: Study) -> Table:
     rows = []
     last = ""
     for row in study.sensitivity:
-        name = row.group if row.group != last else ""
+        if row.fit is None:
+            figures = [row.problem, "", "", "", ""]
+        else:
+            errors = [_percent(error(row.fit, name)) for name in PARAMETERS]
+            figures = [*errors, _small(row.fit.mse, 2)]
+        rows.append([row.group if row.group != last else "", row.choice, *figures])
         last = row.group
-        mse = "" if row.fit is None else _small(row.fit.mse, 2)
-        rows.append([name, row.choice, *errors(row), mse])
-    return "\n\n".join(
+    head = ("choice", "", "Fc", "C", "sigma_v", "sigma0", _FIGURES[4])
+    return Table("What the paper leaves open, varied", head, rows)
+
+
+def _choices(case: Case) -> list[list[str]]:
+    """What the paper leaves open, and our choice."""
+    setup, processing, borders, options = case.setup, case.processing, case.borders, case.options
+    kp, ki, kd = simulate.gains(setup.bandwidth)
+    jerk = f"jerk-limited, {simulate.JERK:g} m/s³"
+    profile = "one period of a sine as acceleration" if setup.profile == "sine" else jerk
+    cut_off = processing.cut_off
+    filtered = "none"
+    if cut_off is not None and cut_off < setup.rate / 2:
+        filtered = (
+            f"Butterworth of order {processing.order}, {cut_off:g} Hz, forward and backward, over "
+            "velocity, acceleration" + (" and force" if processing.filter_force else ", not force")
+        )
+    onset = "where all elements of the plant slip"
+    if borders.onset is not None:
+        onset = f"{borders.onset:g} m"
+    initial = "the window's initial total is an unknown"
+    if options.initial != "free":
+        begins = _INITIAL[options.initial]
+        initial = f"nu_i {begins} in zone A, nu_i times zone A's final total in zone B"
+    bounds = "each step minimises within the bounds"
+    if options.bounds != "bounded":
+        bounds = "a step that would leave the bounds is halved as a whole until it does not"
+    rate = f"{setup.rate / 1e3:g} kHz, controller and samples"
+    duration = 1e3 * simulate.duration(setup.profile)
+    gains = f"kp {kp:.0f} N/m, ki {ki:.3g} N/(m s), kd {kd:.0f} N s/m: three equal poles"
+    feedforward = "acceleration feedforward" if setup.feedforward else "no feedforward"
+    return [
+        ["sample rate", f"{rate}; the mass at {simulate.PLANT_RATE / 1e3:g} kHz"],
         [
-            "## What the paper leaves open, varied",
-            "Two windows; one choice at a time is changed, the rest is as in the table at the top, "
-            "force aligned unless said. Errors in % of the reference value; -100 is the bound "
-            "0; below 0.0005 % stands 0. "
-            f"The fourth claim's spread is over {NOISY_RUNS} runs.",
-            _markdown(["choice", "", "Fc", "C", "sigma_v", "sigma0", "MSE(u) [N²]"], rows),
-        ]
+            "profile",
+            f"{profile}; {duration:.0f} ms. 0.5 m/s is never reached within 25 mm at 3 m/s²",
+        ],
+        ["gains", f"{gains}, -3 dB at {setup.bandwidth:g} Hz; {feedforward}"],
+        ["derivatives", "central differences of the position"],
+        ["filter", filtered],
+        ["zone A", f"from {onset} to the first velocity that is not positive"],
+        ["zone B", f"the {borders.stick * 1e3:g} ms behind that"],
+        ["initial element forces", initial],
+        ["p >= 0", bounds],
+        ["Jacobian", "forward differences"],
+    ]
+
+
+def plot_move(study: Study) -> str:
+    """Position, velocity and force of the move, zones shaded (figure 3)."""
+    case = study.case.with_force("aligned")
+    m, demand = case.move(), case.record().demand[1:-1]
+    shown = slice(0, min(m.end + round(0.02 / m.period), len(m.time)))
+    time = 1e3 * m.time
+    spans = (
+        Span(float(time[m.slide]), float(time[m.turn]), "zone A", _ZONE_A),
+        Span(float(time[m.turn]), float(time[m.end - 1]), "zone B", _ZONE_B),
     )
+    time = time[shown]
+    panels = {
+        "position [mm]": (
+            Line(time, 1e3 * m.position[shown], colour=_MEASURED),
+            Line(time, 1e3 * demand[shown], colour=_DEMAND, dashed=True),
+        ),
+        "velocity [mm/s]": (Line(time, 1e3 * m.velocity[shown], colour=_MEASURED),),
+        "force [N]": (Line(time, m.force[shown], colour=_MEASURED),),
+    }
+    rows = [[Panel("time [ms]", label, lines, spans)] for label, lines in panels.items()]
+    return draw(rows, 720, 210, "Position, velocity and force of the move, with both zones")
 
 
-def _markdown(head: list[str], rows: Iterable[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+def plot_zones(study: Study) -> str:
+    """Measured and predicted force in zones A and B, and their difference (figure 4)."""
+    m = study.case.with_force("aligned").move()
+    fit = study.tables["two_windows"]["aligned"]
+    above, below = [], []
+    offset = 0
+    for name, (first, last) in zip(("zone A", "zone B"), fit.windows, strict=True):
+        time, measured = 1e3 * m.time[first:last], m.force[first:last]
+        predicted = fit.predicted[offset : offset + last - first]
+        offset += last - first
+        lines = (
+            Line(time, measured, "measured", _MEASURED),
+            Line(time, predicted, "predicted", _PREDICTED, dashed=True),
+        )
+        above.append(Panel("time [ms]", "force [N]", lines, title=name))
+        difference = Line(time, 1e3 * (measured - predicted), "", _MEASURED)
+        below.append(Panel("time [ms]", "difference [mN]", (difference,)))
+    return draw([above, below], 860, 240, "Measured and predicted force in zones A and B")
+
+
+def _figures(fit: Fit | Printed, decimals: int | None) -> list[str]:
+    """Values with deviations as the paper prints them, sigma0 in kN/m; then MSE and counts."""
+    pairs = []
+    for name in PARAMETERS:
+        value, sigma = fit.value[name] * _unit(name), fit.sigma[name] * _unit(name)
+        printed = f"{value:g} ± {sigma:g}"
+        pairs.append(printed if decimals is None else f"{value:.{decimals}f} ± {_small(sigma)}")
+    counts = (" + ".join(map(str, each)) for each in (fit.iterations, fit.evaluations))
+    return [*pairs, _small(fit.mse, 2), *counts]
+
+
+def _unit(name: str) -> float:
+    return 1e-3 if name == "stiffness" else 1.0
+
+
+def _percent(share: float) -> str:
+    """A relative error in %; below 0.0005 % it is 0."""
+    value = 100 * share
+    if abs(value) < 5e-4:
+        return "0"
+    return f"{value:+.0f}" if abs(value) >= 99.5 else f"{value:+.2g}"
 
 
 def _small(value: float, digits: int = 1) -> str:

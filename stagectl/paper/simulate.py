@@ -151,21 +151,14 @@ def simulate(setup: Setup) -> Record:
         ]
     )
     noise = setup.noise * np.random.default_rng(setup.seed).standard_normal(len(time))
-    position, force = np.empty_like(time), np.empty_like(time)
+    sampled = np.empty((2, len(time)))
     slipping = np.zeros(len(time), dtype=np.bool_)
     _run(
-        figures,
-        element_shares(published.PLANT_ELEMENTS),
-        np.array(gains(setup.bandwidth)),
-        1.0 / setup.rate,
-        PLANT_RATE // setup.rate,
-        wanted,
-        offset,
-        noise,
-        position,
-        force,
+        figures, element_shares(published.PLANT_ELEMENTS), np.array(gains(setup.bandwidth)),
+        1.0 / setup.rate, PLANT_RATE // setup.rate, np.stack([wanted, offset, noise]), sampled,
         slipping,
-    )
+    )  # fmt: skip
+    position, force = sampled
     if not np.abs(position - wanted).max() < published.DISTANCE:
         raise ValueError(f"{setup.bandwidth:g} Hz at {setup.rate} samples/s: the loop is unstable")
     return Record(setup.rate, time, wanted, position, force, slipping)
@@ -173,19 +166,13 @@ def simulate(setup: Setup) -> Record:
 
 @kernel(error_model="python")
 def _run(
-    figures: F64,
-    shares: F64,
-    pid: F64,
-    period: float,
-    substeps: int,
-    wanted: F64,
-    offset: F64,
-    noise: F64,
-    position: F64,
-    force: F64,
+    figures: F64, shares: F64, pid: F64, period: float, substeps: int, wanted: F64, sampled: F64,
     slipping: NDArray[np.bool_],
-) -> None:
-    """Fill `position`, `force` and `slipping`; row k is sample k (11 arguments: arrays)."""
+) -> None:  # fmt: skip
+    """Fill `sampled`, position and force, float64[2, K], and `slipping`, [K]; column k is sample k.
+
+    `wanted`, float64[3, K]: demand [m], force offset [N], encoder noise [m].
+    """
     mass, viscous, coulomb, rate, element_stiffness, alpha, vs, shape = figures
     kp, ki, kd = pid
     count = shares.shape[0]
@@ -193,14 +180,14 @@ def _run(
     slips = np.zeros(count, dtype=np.bool_)
     dt = period / substeps
     x, v, friction, direction = 0.0, 0.0, 0.0, 0.0
-    integral, last = 0.0, wanted[0]
-    for k in range(wanted.shape[0]):
-        reading = x + noise[k]
-        error = wanted[k] - reading
+    integral, last = 0.0, wanted[0, 0]
+    for k in range(wanted.shape[1]):
+        reading = x + wanted[2, k]
+        error = wanted[0, k] - reading
         integral += error * period
-        u = kp * error + ki * integral + kd * (error - last) / period + offset[k]
+        u = kp * error + ki * integral + kd * (error - last) / period + wanted[1, k]
         last = error
-        position[k], force[k], slipping[k] = reading, u, slips.all()
+        sampled[0, k], sampled[1, k], slipping[k] = reading, u, slips.all()
         for _ in range(substeps):
             half = v + 0.5 * dt / mass * (u - friction - viscous * v)
             dx = half * dt
@@ -212,14 +199,7 @@ def _run(
                     slips[:] = False
                 curve = stribeck(half, alpha, vs, shape)
                 friction = slip_step(
-                    forces,
-                    slips,
-                    shares,
-                    count,
-                    direction,
-                    dx,
-                    element_stiffness,
-                    coulomb * curve,
-                    math.exp(-rate * dt / curve),
-                )
+                    forces, slips, shares, count, direction, dx, element_stiffness,
+                    coulomb * curve, math.exp(-rate * dt / curve),
+                )  # fmt: skip
             v = (half + 0.5 * dt / mass * (u - friction)) / (1.0 + 0.5 * dt * viscous / mass)

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 from stagectl.paper import claims, sensitivity, tables
 from stagectl.paper.claims import Claim
-from stagectl.paper.fixed_force import BOUNDS_NAMES, INITIAL_NAMES, FixedForce, compute_fixed
 from stagectl.paper.sensitivity import Row
-from stagectl.paper.signals import Move
-from stagectl.paper.simulate import Record
-from stagectl.paper.tables import Case, Tables
+from stagectl.paper.tables import CONDITIONS, INITIAL_NAMES, Case, FixedForce, Tables
 
 NOISY_RUNS = 100
 QUICK_RUNS = 20
@@ -23,7 +20,6 @@ class Study:
 
     Attributes:
         case: the choices made.
-        record: the move; move: as the estimator gets it, force aligned.
         tables: one window and two, logged and aligned.
         fixed: the same with zone A's initial force fixed.
         claims: the six of the paper.
@@ -31,8 +27,6 @@ class Study:
     """
 
     case: Case
-    record: Record
-    move: Move
     tables: Tables
     fixed: tuple[FixedForce, ...]
     claims: tuple[Claim, ...]
@@ -53,8 +47,8 @@ def run(
         ValueError: a case that cannot be simulated or estimated from.
     """
     runs = QUICK_RUNS if quick else NOISY_RUNS
-    variants = len(BOUNDS_NAMES) * len(INITIAL_NAMES)
-    total = 1 + variants + runs + (0 if quick else sum(1 for _ in sensitivity.variations(case)))
+    varied = 0 if quick else sum(1 for _ in sensitivity.variations())
+    total = 1 + len(CONDITIONS) * len(INITIAL_NAMES) + runs + varied
     done = 0
 
     def step() -> None:
@@ -64,7 +58,7 @@ def run(
 
     found = tables.compute(case)
     step()
-    fixed = compute_fixed(case, step)
+    fixed = tables.compute_fixed(case, step)
     judged = claims.judge(case, found, fixed, runs, step)
     rows = () if quick else sensitivity.compute(case.with_force("aligned"), step)
-    return Study(case, case.record(), case.with_force("aligned").move(), found, fixed, judged, rows)
+    return Study(case, found, fixed, judged, rows)

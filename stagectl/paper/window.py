@@ -57,8 +57,6 @@ class Options:
         turned: whether zone B's elements stick from its first sample; if not, they slip on until
             the stage moves back.
         slide: unknowns of zone A where there are two windows; `ALPHA` may be among them.
-        jacobian: "differences", forward, one evaluation per unknown, as the paper's evaluations
-            count; or the model's own "sensitivities" (not with alpha).
     """
 
     start: Mapping[str, float] = field(
@@ -70,7 +68,6 @@ class Options:
     bounds: Bounds = "bounded"
     turned: bool = True
     slide: tuple[int, ...] = ZONE_A
-    jacobian: Literal["differences", "sensitivities"] = "differences"
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,8 +191,9 @@ class Problem:
         alpha = published.STATIC_RATIO if fixed else value[ALPHA]
         return float((1 + alpha * self._rise) * coulomb)
 
-    def _model(self, value: F64) -> tuple[F64, F64, float]:
-        """Element forces [N] at every sample of the window, derivatives, and the start's total."""
+    def _evaluate(self, value: F64) -> tuple[F64, F64, float]:
+        """Residual, prediction, and the sum of the element forces at the end."""
+        self.evaluations += 1
         coulomb, attraction, viscous, stiffness = (float(v) for v in value[:TOTAL])
         friction = FrictionFigures(
             elements=published.MODEL_ELEMENTS,
@@ -213,25 +211,19 @@ class Problem:
             np.full(friction.elements, self._slipping),
             np.array([1.0, self._start]),
         )
-        force, by = follow(
+        force, _ = follow(
             friction, state, self._position, self._between, self._period, _SUBSTEPS, band=0.0
         )
         if self._origin:
             force = np.append(total, force)
-            by = np.vstack([np.zeros(by.shape[1]), by])
-        return force, by, total
-
-    def _evaluate(self, value: F64) -> tuple[F64, F64, float]:
-        """Residual, prediction, and the sum of the element forces at the end."""
-        self.evaluations += 1
-        force, _, _ = self._model(value)
         predicted = self._inertia + force + value[2] * self._velocity
         return self._force - predicted, predicted, float(force[-1])
 
     def _jacobian(self, value: F64, free: list[int], predicted: F64) -> F64:
-        """Derivatives of the prediction by the free ones, shape (samples, n)."""
-        if self._options.jacobian == "sensitivities":
-            return self._sensitivities(value)[:, free]
+        """Derivatives of the prediction by the free ones, forward differences, (samples, n).
+
+        One evaluation per unknown, as the paper's evaluations count.
+        """
         columns = []
         for index in free:
             step = _STEP * max(abs(value[index]), self._size[index])
@@ -239,24 +231,6 @@ class Problem:
             moved[index] += step
             columns.append((self._evaluate(moved)[1] - predicted) / step)
         return np.column_stack(columns)
-
-    def _sensitivities(self, value: F64) -> F64:
-        """All five columns from the model's own derivatives.
-
-        The element forces are homogeneous in Fc, sigma0 and their initial values together, so the
-        derivative by the initial total follows from the force (Euler's theorem).
-        """
-        force, by, total = self._model(value)
-        coulomb, attraction, _, stiffness = value[:TOTAL]
-        by_coulomb, by_stiffness, by_rate = by[:, 0], by[:, 1], by[:, 2]
-        by_total = (force - coulomb * by_coulomb - stiffness * by_stiffness) / total
-        by_coulomb = by_coulomb - by_rate * attraction / coulomb**2
-        by_viscous = self._velocity
-        if not self._given and self._options.initial == "measured":
-            by_viscous = by_viscous - by_total * self._velocity[0]
-        elif not self._given and self._options.initial != "reference":
-            by_coulomb = by_coulomb + by_total * total / coulomb
-        return np.column_stack([by_coulomb, by_rate / coulomb, by_viscous, by_stiffness, by_total])
 
 
 def _inverse_diagonal(jacobian: F64) -> F64:

@@ -1,4 +1,4 @@
-"""Jinja templates and static files of the HTML pages."""
+"""Jinja templates and static files of the pages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HERE = Path(__file__).parent
 
 
 def render_template(name: str, static: tuple[str, ...], **values: Any) -> str:
-    """A page's HTML.
+    """A page: HTML, or Markdown as it is.
 
     Args:
         name: of the template.
@@ -22,7 +22,7 @@ def render_template(name: str, static: tuple[str, ...], **values: Any) -> str:
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_HERE / "templates"),
-        autoescape=True,
+        autoescape=jinja2.select_autoescape(("html.j2",)),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -26,6 +26,8 @@ def test_command_writes_page_plots_and_json(tmp_path):
     assert len(found["claims"]) == 6
     for claim in found["claims"]:
         assert set(claim) == {"claim", "verdict", "figure"}
+    assert len(found["fixed_force"]) == 4
+    assert set(found["fixed_force"][0]) == {"initial", "bounds", "tables"}
     two = found["tables"]["two_windows"]["aligned"]
     assert two["stiffness"]["value"] == pytest.approx(1000.0, rel=3e-3)
 

@@ -6,8 +6,8 @@ import pytest
 
 from stagectl.paper import claims, published
 from stagectl.paper.fit import Fit
-from stagectl.paper.fixed_force import FixedForce
 from stagectl.paper.published import PARAMETERS
+from stagectl.paper.tables import FixedForce
 
 FIXED = "reproduced only if zone A's initial force does not follow Fc"
 

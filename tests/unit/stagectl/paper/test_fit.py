@@ -49,18 +49,6 @@ def test_two_windows_find_zone_a_of_their_own(own):
 
 
 @BOTH
-@pytest.mark.parametrize("initial", ["tied", "free", "reference", "measured"])
-def test_sensitivities_lead_where_differences_do(move, method, initial):
-    options = Options(initial=initial)
-    differences = METHODS[method](move, options)
-    own = METHODS[method](move, replace(options, jacobian="sensitivities"))
-    for name in PARAMETERS:
-        assert own.value[name] == pytest.approx(differences.value[name], rel=1e-5)
-        assert own.sigma[name] == pytest.approx(differences.sigma[name], rel=1e-2)
-    assert sum(own.evaluations) < sum(differences.evaluations)
-
-
-@BOTH
 @settings(max_examples=15, deadline=None)
 @given(factors=st.lists(st.floats(0.3, 3.0), min_size=4, max_size=4))
 def test_first_iterate_does_not_matter(move, method, factors):

@@ -7,7 +7,7 @@ from stagectl.paper.tables import error
 
 WANTED = {
     "sample rate", "profile", "gains", "filter", "start of zone A", "border of A and B",
-    "duration of zone B", "initial forces", "first iterate", "derivatives",
+    "duration of zone B", "initial forces", "first iterate",
 }  # fmt: skip
 
 
