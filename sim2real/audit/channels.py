@@ -32,6 +32,7 @@ from sim2real.audit.signal_checks import (
     check_saturation,
     check_time,
     match_unit,
+    note,
 )
 from sim2real.axis_units import unit_on
 from sim2real.findings import ChannelFinding
@@ -43,6 +44,13 @@ MISLEADING = (
     "controller_kd", "constant", "controller_unknown",
 )  # fmt: skip
 """Findings that would pass for physics: unless they are corrected for, there is no diagnosis."""
+_CHANNELS = {
+    "lag": "force_actual",
+    "resampled": "force_actual",
+    "position": "position_actual",
+    "demand": "position_demand",
+}
+"""Which channel is late, by the timing of the law."""
 UNCORRECTABLE = ("constant", "controller_unknown")
 """Findings that cannot be corrected for."""
 _SMALLEST_DELAY = 1e-6
@@ -105,48 +113,36 @@ def audit_channels(recording: Recording, settings: StageSettings) -> Audit:
     Raises:
         ValueError: the recording does not fit the machine file at all (axes, SYNC period).
     """
-    findings = check_time(recording.time, settings.sync_period)
-    for finding in findings:
+    audit = _Corrected(recording, settings)
+    audit.take(check_time(recording.time, settings.sync_period))
+    for finding in audit.findings:
         if finding.finding == "units" and finding.value:
-            recording = replace(recording, time=recording.time / finding.value)
-            findings += check_time(recording.time, settings.sync_period)
+            audit.recording = replace(recording, time=recording.time / finding.value)
+            audit.take(check_time(audit.recording.time, settings.sync_period))
             break
-    if any(f.finding in ("clock", "jitter") for f in findings):
-        place = number_periods(recording.time, float(np.median(np.diff(recording.time))))
+    if any(f.finding in ("clock", "jitter") for f in audit.findings):
+        time = audit.recording.time
+        place = number_periods(time, float(np.median(np.diff(time))))
         on_time = np.asarray(place * settings.sync_period, dtype=np.float64)
-        recording = replace(recording, time=on_time)
+        audit.recording = replace(audit.recording, time=on_time)
     for axis in settings.axes:
-        if axis.name not in recording.axes:
-            continue
-        findings += check_constant(recording.axes[axis.name], axis)
-        found = check_demand_units(recording.axes[axis.name], axis)
-        findings += found
-        recording = rescale(recording, found)
-        for _ in range(2):  # a wrong unit or sign may hide a scale or an offset
-            signals = recording.axes[axis.name]
-            found = check_position(signals, axis, settings.sync_period)
-            findings += found
-            recording = rescale(recording, found)
-    findings += (units := _check_force_units(recording, settings))
-    recording = rescale(recording, units)
+        if axis.name in recording.axes:
+            audit.take(check_constant(audit.recording.axes[axis.name], axis))
+            audit.take(check_demand_units(audit.recording.axes[axis.name], axis))
+            for _ in range(2):  # a wrong unit or sign may hide a scale or an offset
+                signals = audit.recording.axes[axis.name]
+                audit.take(check_position(signals, axis, settings.sync_period))
+    audit.take(_check_force_units(audit.recording, settings))
     for axis in settings.axes:
-        findings += check_quantisation(recording.axes[axis.name], axis)
-    current_paths: dict[str, CurrentPath] = {}
-    dead = {f.axis for f in findings if f.finding == "constant"}
-    expected = _expected_remainders(recording, settings)
+        audit.take(check_quantisation(audit.recording.axes[axis.name], axis))
+    dead = {f.axis for f in audit.findings if f.finding == "constant"}
+    expected = _expected_remainders(audit.recording, settings)
     for axis in settings.axes:
-        if axis.name in dead:
-            continue
-        found, recording, settings, current = _check_law(
-            recording, settings, axis.name, expected[axis.name]
-        )
-        findings += found
-        if current is not None:
-            current_paths[axis.name] = current
-        law = reconstruct_law(prepare_replay(recording, settings), settings, axis.name)
-        signals = recording.axes[axis.name]
-        findings += check_saturation(signals, axis, law.terms().sum(axis=0), law.usable)
-    return Audit(tuple(findings), recording, settings, current_paths)
+        if axis.name not in dead:
+            audit.check_law(axis, expected[axis.name])
+            law, signals = audit.law(axis), audit.recording.axes[axis.name]
+            audit.take(check_saturation(signals, axis, law.terms().sum(axis=0), law.usable))
+    return Audit(tuple(audit.findings), audit.recording, audit.settings, audit.current_paths)
 
 
 def mark_applied(findings: tuple[ChannelFinding, ...]) -> tuple[ChannelFinding, ...]:
@@ -163,11 +159,9 @@ def mark_applied(findings: tuple[ChannelFinding, ...]) -> tuple[ChannelFinding, 
 
 def delay_finding(axis: str, channel: str, delay: float, period: float) -> ChannelFinding:
     """A channel of an axis is late by a delay, or early [s]; `period` of the samples [s]."""
-    text = (
-        f"{axis}: {channel} is {abs(delay) * 1e3:.3g} ms "
-        f"({abs(delay / period):.3g} samples) {'late' if delay > 0 else 'early'}"
-    )
-    return ChannelFinding(axis, channel, "delay", delay, "s", text=text)
+    late = "late" if delay > 0 else "early"
+    words = f"is {abs(delay) * 1e3:.3g} ms ({abs(delay / period):.3g} samples) {late}"
+    return note(axis, channel, "delay", delay, words, "s")
 
 
 def _check_force_units(recording: Recording, settings: StageSettings) -> list[ChannelFinding]:
@@ -187,12 +181,10 @@ def _check_force_units(recording: Recording, settings: StageSettings) -> list[Ch
         names = {per_mille: "1/1000 of the rated force", per_mille / 10: "% of the rated force"}
         unit = match_unit(factor, names, 0.3)
         if unit is not None:
-            own = unit_on(axis, "N")
-            name = names.get(abs(unit), f"units of {1 / abs(unit):g} {own}")
+            name = names.get(abs(unit), f"units of {1 / abs(unit):g} {unit_on(axis, 'N')}")
             sign = " with the wrong sign" if unit < 0 else ""
-            newtons = unit_on(axis, "newtons")
-            text = f"{axis.name}: force_actual is in {name}{sign}, not in {newtons}"
-            found.append(ChannelFinding(axis.name, "force_actual", "units", unit, "1", text=text))
+            words = f"is in {name}{sign}, not in {unit_on(axis, 'newtons')}"
+            found.append(note(axis.name, "force_actual", "units", unit, words))
     return found
 
 
@@ -211,65 +203,94 @@ def _expected_remainders(recording: Recording, settings: StageSettings) -> dict[
     }
 
 
-def _check_law(
-    recording: Recording, settings: StageSettings, axis: str, expected: float
-) -> tuple[list[ChannelFinding], Recording, StageSettings, CurrentPath | None]:
-    """Check one axis against its controller's law: findings, and what is corrected for them.
+class _Corrected:
+    """A recording and settings with everything corrected that was found so far.
 
-    Args:
-        recording: corrected for all findings so far.
-        settings: likewise.
-        axis: its name.
-        expected: what the law leaves on the model's own noisy run, rms [N].
-
-    Returns:
-        Findings, recording, settings, and the current path where it differs from the file's.
+    Attributes:
+        findings, recording, settings, current_paths: as in `Audit`.
     """
-    law = reconstruct_law(prepare_replay(recording, settings), settings, axis)
-    if law.usable.sum() < _MIN_SAMPLES:
-        return [], recording, settings, None
-    found = find_hypothesis(law, expected)
-    own = next(a for a in settings.axes if a.name == axis)
-    unit, wrong = unit_on(own, "N"), _why_unusable(found, law, own)
-    if wrong is not None:
-        text = f"{axis}: the force is not that of the machine file's controller: {wrong}"
-        finding = ChannelFinding(
-            axis, "force_actual", "controller_unknown", found.remainder, unit, text=text
-        )
-        return [finding], recording, settings, None
-    findings: list[ChannelFinding] = []
-    current: CurrentPath | None = None
-    channel = {
-        "position": "position_actual", "demand": "position_demand", "resampled": "force_actual",
-        "drift": "position_actual",
-    }.get(found.timing, "")  # fmt: skip
-    delay = found.value
-    if found.timing == "lag" and abs(delay) > _SMALLEST_DELAY:
-        delay = log_lateness(law, found.value)
-        channel = "force_actual"
-        dead_time = found.value - delay
-        if dead_time > _SMALLEST_DELAY or found.bandwidth is not None:
-            current = CurrentPath(law.dead_time + dead_time, found.bandwidth)
-    elif found.timing == "bandwidth":
-        current = CurrentPath(None, found.value)
-    if found.timing == "drift":
-        text = f"{axis}: position_actual runs {found.value * 1e6:+.0f} ppm against the setpoints"
-        findings.append(ChannelFinding(axis, channel, "clock", found.value, "1", text=text))
-        recording = shift_channel(recording, axis, channel, lambda t: t * (1.0 + found.value))
-    elif channel and abs(delay) > _SMALLEST_DELAY:
-        findings.append(delay_finding(axis, channel, delay, settings.sync_period))
-        recording = remove_delay(recording, axis, channel, delay, settings.sync_period)
-    gains, recording, settings = _check_gains(found, recording, settings, axis, unit)
-    findings += gains
-    if found.remainder > _REMAINDER * ACCEPTED * expected:
-        text = (
-            f"{axis}: the force does not match the machine file's controller: "
-            f"{found.remainder:.3g} {unit} rms remain ({expected:.2g} {unit} expected)"
-        )
-        findings.append(
-            ChannelFinding(axis, "force_actual", "controller", found.remainder, unit, text=text)
-        )
-    return findings, recording, settings, current
+
+    def __init__(self, recording: Recording, settings: StageSettings) -> None:
+        self.recording = recording
+        self.settings = settings
+        self.findings: list[ChannelFinding] = []
+        self.current_paths: dict[str, CurrentPath] = {}
+
+    def take(self, findings: list[ChannelFinding]) -> None:
+        """Add findings, and correct for units, signs, scales and offsets."""
+        self.findings += findings
+        self.recording = rescale(self.recording, findings)
+
+    def law(self, axis: AxisSettings) -> ControllerLaw:
+        """The controller of an axis."""
+        replay = prepare_replay(self.recording, self.settings)
+        return reconstruct_law(replay, self.settings, axis.name)
+
+    def check_law(self, axis: AxisSettings, expected: float) -> None:
+        """Check an axis against its controller's law.
+
+        Args:
+            axis: of the machine file.
+            expected: what the law leaves on the model's own noisy run, rms [N].
+        """
+        law, name, unit = self.law(axis), axis.name, unit_on(axis, "N")
+        if law.usable.sum() < _MIN_SAMPLES:
+            return
+        found = find_hypothesis(law, expected)
+        kind, text = "controller", ""
+        if (wrong := _why_unusable(found, law, axis)) is not None:
+            kind = "controller_unknown"
+            text = f"{name}: the force is not that of the machine file's controller: {wrong}"
+        else:
+            self._correct_timing(found, law, name)
+            self._correct_gains(found, name, unit)
+            if found.remainder > _REMAINDER * ACCEPTED * expected:
+                text = (
+                    f"{name}: the force does not match the machine file's controller: "
+                    f"{found.remainder:.3g} {unit} rms remain ({expected:.2g} {unit} expected)"
+                )
+        if text:
+            rest = found.remainder
+            self.take([ChannelFinding(name, "force_actual", kind, rest, unit, text=text)])
+
+    def _correct_timing(self, found: LawHypothesis, law: ControllerLaw, axis: str) -> None:
+        value, period = found.value, self.settings.sync_period
+        if found.timing == "bandwidth":
+            self.current_paths[axis] = CurrentPath(None, value)
+        elif found.timing == "drift":
+            words = f"runs {value * 1e6:+.0f} ppm against the setpoints"
+            self.take([note(axis, "position_actual", "clock", value, words)])
+            self.recording = shift_channel(
+                self.recording, axis, "position_actual", lambda t: t * (1.0 + value)
+            )
+        elif found.timing and abs(value) > _SMALLEST_DELAY:
+            channel, delay = _CHANNELS[found.timing], value
+            if found.timing == "lag":
+                delay = log_lateness(law, value)
+                dead_time = value - delay
+                if dead_time > _SMALLEST_DELAY or found.bandwidth is not None:
+                    path = CurrentPath(law.dead_time + dead_time, found.bandwidth)
+                    self.current_paths[axis] = path
+            if abs(delay) > _SMALLEST_DELAY:
+                self.take([delay_finding(axis, channel, delay, period)])
+                self.recording = remove_delay(self.recording, axis, channel, delay, period)
+
+    def _correct_gains(self, found: LawHypothesis, axis: str, unit: str) -> None:
+        if found.gains == "scale":
+            self.take([_factor_finding(axis, "force_actual", found.factors[0], unit)])
+            return
+        for term, factor in zip(TERMS, found.factors, strict=True):
+            if abs(factor - 1.0) < _GAIN_TOLERANCE:
+                continue
+            if term != "force_offset":
+                text = f"{axis}: the drive's {term} is {factor:.4g} times the machine file's"
+                kind = f"controller_{term}"
+                self.take([ChannelFinding(axis, "force_actual", kind, factor, "1", text=text)])
+                self.settings = scale_gain(self.settings, axis, term, factor)
+            elif abs(factor) <= 1e-3:
+                self.take([note(axis, term, "scale", 0.0, "is not applied by the drive")])
+            else:  # a part with a factor of two was logged at half its size
+                self.take([_factor_finding(axis, term, 1.0 / factor, unit)])
 
 
 def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) -> str | None:
@@ -299,50 +320,13 @@ def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) 
     return None
 
 
-def _check_gains(
-    found: LawHypothesis, recording: Recording, settings: StageSettings, axis: str, unit: str
-) -> tuple[list[ChannelFinding], Recording, StageSettings]:
-    """Findings about gains and scales, with recording and settings corrected for them.
-
-    `unit` is that of the axis' force.
-    """
-    if found.gains == "scale":
-        kind, value, text = _describe_factor(found.factors[0], unit)
-        finding = ChannelFinding(
-            axis, "force_actual", kind, value, "1", text=f"{axis}: force_actual {text}"
-        )
-        return [finding], rescale(recording, [finding]), settings
-    findings = []
-    for term, factor in zip(TERMS, found.factors, strict=True):
-        if abs(factor - 1.0) < _GAIN_TOLERANCE:
-            continue
-        if term == "force_offset":
-            # A part with a factor of two was logged at half its size.
-            logged = 1.0 / factor if abs(factor) > 1e-3 else 0.0
-            if logged == 0.0:
-                kind, value, text = "scale", 0.0, "is not applied by the drive"
-            else:
-                kind, value, text = _describe_factor(logged, unit)
-            finding = ChannelFinding(
-                axis, term, kind, value, "1", text=f"{axis}: force_offset {text}"
-            )
-            recording = rescale(recording, [finding])
-        else:
-            finding = ChannelFinding(
-                axis, "force_actual", f"controller_{term}", factor, "1",
-                text=f"{axis}: the drive's {term} is {factor:.4g} times the machine file's",
-            )  # fmt: skip
-            settings = scale_gain(settings, axis, term, factor)
-        findings.append(finding)
-    return findings, recording, settings
-
-
-def _describe_factor(factor: float, unit: str) -> tuple[str, float, str]:
-    """Kind of finding, its value and its wording for a channel scaled by a factor."""
+def _factor_finding(axis: str, channel: str, factor: float, unit: str) -> ChannelFinding:
+    """A channel that is scaled by a factor, or in another unit than `unit`."""
     known = match_unit(factor)
     if known is not None:
         sign = " with the wrong sign" if known < 0 else ""
-        return "units", known, f"is in units of {1 / abs(known):g} {unit}{sign}"
+        words = f"is in units of {1 / abs(known):g} {unit}{sign}"
+        return note(axis, channel, "units", known, words)
     if abs(factor + 1.0) < _GAIN_TOLERANCE:
-        return "sign", -1.0, "has the wrong sign"
-    return "scale", factor, f"is scaled by {factor:.4g}"
+        return note(axis, channel, "sign", -1.0, "has the wrong sign")
+    return note(axis, channel, "scale", factor, f"is scaled by {factor:.4g}")

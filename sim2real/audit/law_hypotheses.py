@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
-from sim2real.audit.controller_law import AS_STATED, TERMS, ControllerLaw
+from sim2real.audit.controller_law import AS_STATED, TERMS, ControllerLaw, Timing
 from stagedata import FloatArray
 
 ACCEPTED = 1.5
@@ -42,8 +42,16 @@ _GRIDS = {
 """Timing -> values that are tried [s; bandwidth: Hz; drift: s/s]."""
 _DEAD_TIMES, _CORNERS = (1e-4, 3e-4, 5e-4, 7e-4, 9e-4), (120.0, 180.0, 270.0, 400.0, 700.0)
 """Starting values of the joint search for dead time and bandwidth [s, Hz]."""
-GAINS = ("", "scale", *TERMS, "all")
-"""What may be free in the law: nothing, one common factor, one part, every part."""
+_ONE = np.eye(len(TERMS))
+_FREED = {
+    "": _ONE[:, :0],
+    "scale": np.ones((len(TERMS), 1)),
+    **{term: _ONE[:, i : i + 1] for i, term in enumerate(TERMS)},
+    "all": _ONE,
+}
+"""What may be free in the law (nothing, one common factor, one part, every part): float64[4, n],
+the parts of each free factor."""
+GAINS = tuple(_FREED)
 _MOVING = 0.02
 """Speed above which friction is simple enough for inertia to be fitted [m/s]."""
 _CLEARLY, _WHOLE = 0.7, 0.02
@@ -79,7 +87,7 @@ class LawHypothesis:
     @property
     def complexity(self) -> int:
         """Number of freed figures."""
-        free = {"": 0, "all": len(TERMS)}.get(self.gains, 1)
+        free = len(_FREED[self.gains].T)
         return free + (self.timing != "") + (self.bandwidth is not None)
 
 
@@ -188,12 +196,10 @@ def _products(
     The mean is over the usable samples. The position errors stand for an offset and a scale of the
     logged position: those found at rest are not accurate enough for a law with an integrator.
     """
-    if timing == "":
-        terms = law.terms()
-    elif timing == "bandwidth":
+    if timing == "bandwidth":
         terms = law.terms(AS_STATED, value)
     else:
-        terms = law.terms(replace(AS_STATED, **{timing: value}), bandwidth)
+        terms = law.terms(Timing(**{timing: value} if timing else {}), bandwidth)
     usable = law.usable & (np.abs(terms.sum(axis=0)) < 0.99 * law.control.peak_force)
     if usable.sum() < _FEWEST:
         usable = law.usable
@@ -206,40 +212,24 @@ def _products(
 
 def _fit_products(products: FloatArray, timing: str, value: float, gains: str) -> LawHypothesis:
     """Least squares on the products: force = fixed parts + free columns x factors."""
-    count = len(TERMS)
-    size = len(products)
-    free = np.eye(size)[:, count:-1]  # constant and position errors
-    own = free.shape[1]
+    count, size = len(TERMS), len(products)
+    which = _FREED[gains]
+    fixed = 1.0 - which.sum(axis=1)
+    free = np.zeros((size, size - 1 - count + which.shape[1]))
+    own = size - 1 - count  # constant and position errors
+    free[count:-1, :own] = np.eye(own)
+    free[:count, own:] = which
     target = np.zeros(size)
-    target[-1] = 1.0
-    parts = np.zeros((size, count))
-    parts[:count] = np.eye(count)
-    if gains == "":
-        target[:count] = -1.0
-    elif gains == "scale":
-        free = np.column_stack((free, parts.sum(axis=1)))
-    elif gains == "all":
-        free = np.column_stack((free, parts))
-    else:
-        row = TERMS.index(gains)
-        target[:count] = -1.0
-        target[row] = 0.0
-        free = np.column_stack((free, parts[:, row]))
+    target[:count], target[-1] = -fixed, 1.0
     normal = free.T @ products @ free
     found, *_ = np.linalg.lstsq(normal, free.T @ products @ target, rcond=None)
     rest = target - free @ found
     left = math.sqrt(max(float(rest @ products @ rest), 0.0))
-    if gains == "scale" and found[own] != 0.0:
-        left /= abs(float(found[own]))  # in newtons of the law, whatever the log's unit
-    factors = np.ones(count)
-    if gains == "scale":
-        factors[:] = found[own]
-    elif gains == "all":
-        factors[:] = found[own:]
-    elif gains:
-        factors[TERMS.index(gains)] = found[own]
+    factors = fixed + which @ found[own:]
     if gains != "scale":  # what is smaller than the rest has no factor that could be read
         factors[np.sqrt(np.diagonal(products)[:count]) <= left] = 1.0
+    elif found[own] != 0.0:
+        left /= abs(float(found[own]))  # in newtons of the law, whatever the log's unit
     return LawHypothesis(timing, value, gains, tuple(float(f) for f in factors), left)
 
 

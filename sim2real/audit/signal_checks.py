@@ -47,6 +47,14 @@ _PLATEAU = 3
 """Fewest samples at a limit below the peak force for it to be reported."""
 
 
+def note(
+    axis: str, channel: str, kind: str, value: float, words: str, unit: str = "1"
+) -> ChannelFinding:
+    """A finding, in words that follow the names of axis and channel."""
+    place = channel if axis == ALL_AXES else f"{axis}: {channel}"
+    return ChannelFinding(axis, channel, kind, value, unit, text=f"{place} {words}")
+
+
 def check_time(time: FloatArray, period: float) -> list[ChannelFinding]:
     """Units, drift and jitter of the time stamps.
 
@@ -60,8 +68,7 @@ def check_time(time: FloatArray, period: float) -> list[ChannelFinding]:
     usual = float(np.median(steps)) / period
     for factor, name in ((1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
         if abs(usual / factor - 1.0) < _CLOSE:
-            text = f"time is in {name}, not in seconds"
-            return [ChannelFinding(ALL_AXES, "time", "units", factor, "1", text=text)]
+            return [note(ALL_AXES, "time", "units", factor, f"is in {name}, not in seconds")]
     if abs(usual - 1.0) > 0.1:
         return []
     place = number_periods(time, usual * period)
@@ -71,11 +78,11 @@ def check_time(time: FloatArray, period: float) -> list[ChannelFinding]:
     sigma = scatter / (float(np.std(place)) * period * math.sqrt(len(time)))
     drift = float(slope) - 1.0
     if abs(drift) > max(_DRIFT, 5.0 * sigma):
-        text = f"time stamps run {drift * 1e6:+.0f} ppm against the SYNC period"
-        found.append(ChannelFinding(ALL_AXES, "time", "clock", drift, "1", text=text))
+        words = f"stamps run {drift * 1e6:+.0f} ppm against the SYNC period"
+        found.append(note(ALL_AXES, "time", "clock", drift, words))
     if scatter > _JITTER * period:
-        text = f"time stamps jitter by {scatter * 1e6:.0f} µs rms around the SYNC period"
-        found.append(ChannelFinding(ALL_AXES, "time", "jitter", scatter, "s", text=text))
+        words = f"stamps jitter by {scatter * 1e6:.0f} µs rms around the SYNC period"
+        found.append(note(ALL_AXES, "time", "jitter", scatter, words, "s"))
     return found
 
 
@@ -87,10 +94,9 @@ def check_constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFind
     for channel, unit in (("position_actual", "m"), ("force_actual", "N")):
         values = getattr(signals, channel)[signals.valid]
         if np.ptp(values) == 0.0:
-            value = float(values[0])
-            own = unit_on(axis, unit)
-            text = f"{axis.name}: {channel} is constant at {value:.4g} {own}"
-            found.append(ChannelFinding(axis.name, channel, "constant", value, own, text=text))
+            value, own = float(values[0]), unit_on(axis, unit)
+            words = f"is constant at {value:.4g} {own}"
+            found.append(note(axis.name, channel, "constant", value, words, own))
     return found
 
 
@@ -100,13 +106,8 @@ def check_demand_units(signals: AxisSignals, axis: AxisSettings) -> list[Channel
     largest = float(np.abs(signals.position_demand).max())
     for factor in (1e3, 1e6, 1e9):
         if largest > 2.0 * reach and largest / factor <= 1.2 * reach:
-            return [
-                ChannelFinding(
-                    axis.name, "position_demand", "units", factor, "1",
-                    text=f"{axis.name}: position_demand is in {_names(axis)[factor]}, "
-                    f"not in {unit_on(axis, 'metres')}",
-                )
-            ]  # fmt: skip
+            words = f"is in {_names(axis)[factor]}, not in {unit_on(axis, 'metres')}"
+            return [note(axis.name, "position_demand", "units", factor, words)]
     return []
 
 
@@ -121,36 +122,25 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     unit = match_unit(rough, {counts: "counts"})
     if unit is not None:
         other = "counts" if unit == counts else f"units of {1 / unit:g} {unit_on(axis, 'm')}"
-        name = _names(axis).get(unit, other)
-        return [
-            ChannelFinding(
-                axis.name, "position_actual", "units", unit, "1",
-                text=f"{axis.name}: position_actual is in {name}, "
-                f"not in {unit_on(axis, 'metres')}",
-            )
-        ]  # fmt: skip
+        words = f"is in {_names(axis).get(unit, other)}, not in {unit_on(axis, 'metres')}"
+        return [note(axis.name, "position_actual", "units", unit, words)]
     if abs(rough + 1.0) < _CLOSE:
-        text = f"{axis.name}: position_actual has the wrong sign"
-        return [ChannelFinding(axis.name, "position_actual", "sign", -1.0, "1", text=text)]
+        return [note(axis.name, "position_actual", "sign", -1.0, "has the wrong sign")]
     resting = valid & (split_phases(demand, period).phase == REST)
     if resting.sum() < 20 or np.ptp(demand[resting]) < _SPREAD:
         return []
     ends = np.flatnonzero(resting & ~np.append(resting[1:], False))
     line, (off_scale, off_place) = _line(demand[ends], actual[ends])
-    slope, offset = line
+    slope, offset = line.tolist()
     found = []
     if abs(slope - 1.0) > max(_SCALE, _CERTAIN * off_scale):
-        text = f"{axis.name}: position_actual is scaled by {slope:.5g}"
         found.append(
-            ChannelFinding(axis.name, "position_actual", "scale", float(slope), "1", text=text)
+            note(axis.name, "position_actual", "scale", slope, f"is scaled by {slope:.5g}")
         )
     if axis.control.ki > 0 and abs(offset) > max(_OFFSET, _CERTAIN * off_place):
-        unit_name, shown = unit_on(axis, "m"), f"{offset * 1e6:.3g} {unit_on(axis, 'µm')}"
-        text = f"{axis.name}: position_actual is off by {shown}"
+        words = f"is off by {offset * 1e6:.3g} {unit_on(axis, 'µm')}"
         found.append(
-            ChannelFinding(
-                axis.name, "position_actual", "offset", float(offset), unit_name, text=text
-            )
+            note(axis.name, "position_actual", "offset", offset, words, unit_on(axis, "m"))
         )
     return found
 
@@ -187,8 +177,8 @@ def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[Channel
     for signal, grid in coarse_steps(signals, axis).items():
         channel, step = f"{signal}_actual", stated_step(axis, signal)
         unit = unit_on(axis, SIGNALS[signal])
-        text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
-        found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
+        words = f"comes in steps of {grid:.3g} {unit}, not {step:.3g}"
+        found.append(note(axis.name, channel, "quantisation", grid, words, unit))
     return found
 
 
