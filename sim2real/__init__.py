@@ -8,7 +8,7 @@ The rooms, each importing only from those above it:
 - `audit`: whether the channels mean what the machine file says
 - `tracking`: a simulation kept on the recorded course, and its innovations
 - `fitting`: the model of one axis fitted to the innovations
-- `shrinkage`: how far a model shrinks the gap, also on held-out moves
+- `held_out`: how far a model closes the gap, also on held-out moves
 - `dictionary`: where to start fitting each effect, to innovations or in the free loop
 - `free_loop`: up to six effects of an axis, fitted and judged in the free closed loop
 - `open_loop`: the force along a measured motion, for recordings without a demand
@@ -28,8 +28,8 @@ __all__ = [
     "fitting",
     "free_loop",
     "gap",
+    "held_out",
     "phases",
     "residuals",
-    "shrinkage",
     "tracking",
 ]

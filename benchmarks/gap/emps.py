@@ -26,7 +26,7 @@ from sim2real.diagnosis import Examination, diagnose, examine, report_without_ca
 from sim2real.fitting import BASE, AxisModel
 from sim2real.free_loop import FreeLoop, FreeSearch
 from sim2real.gap import gap_closed, measure_gap
-from sim2real.shrinkage import FLOOR_LEVEL
+from sim2real.held_out import FLOOR_LEVEL
 from stagectl.config import stage_settings
 from stagectl.importing import import_recording, load_map
 from stagectl.report import Line, Panel, draw

@@ -1,7 +1,7 @@
 """How well friction over position is recognised in any shape.
 
 Stages are drawn as in the blind check. A friction profile of any shape is fitted to the residual
-force in motion (`sim2real.attribution.residual_force`); the share that it predicts on held-out
+force in motion (`sim2real.attribution.friction_profile`); the share that it predicts on held-out
 strokes should be near 1 where there is one, and far below a half elsewhere.
 
     python -m benchmarks.gap.free_forms [--trials 110] [--seed 4100]

@@ -9,17 +9,28 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from sim2real.fitting import (
-    AxisModel,
-    AxisProblem,
-    Fitted,
-    clip_to_plausible,
-)
+import numpy as np
+from numpy.typing import NDArray
+
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, clip_to_plausible, fit
 from sim2real.scoring import effects_penalty
-from sim2real.scoring.constants import COHERENT, TEMPER
+from sim2real.scoring.constants import (
+    CLOSE,
+    CLOSE_SHARE,
+    COHERENT,
+    CONTENDERS,
+    LEAST_GAIN,
+    LEAST_PROGRESS,
+    OUTLIER_SHRINKAGE,
+    ROUNDS,
+    SHORT,
+    TEMPER,
+)
+
+F64 = NDArray[np.float64]
 
 LoopGap = Callable[[AxisModel], float]
-"""Squared closed-loop gap over floor of the axis under a model (`sim2real.shrinkage.axis_gap`)."""
+"""Squared closed-loop gap over floor of the axis under a model (`sim2real.held_out.axis_gap`)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,9 +103,7 @@ class Ranking:
         if terms == alternative.model.terms:
             return alternative
         model = replace(alternative.model, terms=terms)
-        residual = self._problem.residual_or_worst(model)
-        cost = self._problem.cost(model, residual)
-        other = Alternative(Fitted(model, cost, residual, None), self._loop(model))
+        other = Alternative(self._problem.unfitted(model), self._loop(model))
         return min(alternative, other, key=self.score)
 
     def score(self, alternative: Alternative) -> float:
@@ -121,6 +130,55 @@ class Ranking:
     def ranked(self) -> list[Alternative]:
         """The best fit of each set, best first."""
         return sorted(self._kept.values(), key=self.score)
+
+    def fit(
+        self, models: Sequence[AxisModel], iterations: int, columns: F64 | None = None
+    ) -> list[Alternative]:
+        """Fit several models at once, with common derivatives by the base parameters if given."""
+
+        def one(model: AxisModel) -> Fitted:
+            return fit(self._problem, model, iterations, columns, thorough=False)
+
+        return [self.enter(fitted) for fitted in self._problem.workers.map(one, models)]
+
+    def refine(self, trials: Sequence[Alternative]) -> Alternative:
+        """The best of the trials, after all that come close have been fitted to convergence.
+
+        The first fits stop early and use the filter gains of the model without the effect, so their
+        scores do not yet tell which effect is better.
+        """
+        problem = self._problem
+        self.reweigh(min(trials, key=self.score).model)
+        names = {tuple(sorted(trial.model.names())) for trial in trials}
+
+        def ranked() -> list[Alternative]:
+            return sorted((self.best(each) for each in names), key=self.score)[:CONTENDERS]
+
+        for _ in range(ROUNDS):
+            order = ranked()
+            before, wide = self.score(order[0]), problem.outlier
+            excess = max(before - problem.expected_cost(), 0.0)
+            last = before + max(CLOSE, CLOSE_SHARE * before, excess)
+            # And those that would come close if their cost kept falling at its last rate.
+            near = [a for a in order if self._next_score(a) <= last]
+            # The derivatives by base parameters hardly depend on which effect is beside them.
+            columns = problem.base_columns(near[0].model, near[0].fitted.residual)
+            self.fit([a.model for a in near], SHORT, columns)
+            best, *others = ranked()
+            gained = before - self.score(best)
+            overtaken = any(self._next_score(a) < self.score(best) for a in others)
+            problem.rescale(best.fitted.residual)
+            if (
+                gained < max(LEAST_GAIN, LEAST_PROGRESS * excess)
+                and problem.outlier > OUTLIER_SHRINKAGE * wide
+                and not overtaken
+            ):
+                break
+        return best
+
+    def _next_score(self, alternative: Alternative) -> float:
+        """Score after another fit, if the cost keeps falling at its last rate."""
+        return self.score(alternative) - SHORT * alternative.fitted.last_gain
 
 
 def of_size(alternatives: Sequence[Alternative], size: int) -> list[Alternative]:

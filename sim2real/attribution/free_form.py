@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect
-from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.attribution.friction_profile import FrictionProfile, fit_friction_profile
-from sim2real.dictionary import midrange
+from sim2real.dictionary import typical
 from sim2real.fitting import AxisModel, Coordinate, Term, coordinates
 from sim2real.gap import Measured
 
@@ -115,24 +114,18 @@ class FreeFormTest:
 
 def is_profile(effect: Effect, axis: AxisSettings) -> bool:
     """Whether an effect is friction over position."""
-    return effect.group == "friction" and _typical(effect, axis).position_coulomb is not None
+    return (
+        effect.group == "friction"
+        and typical(effect, axis).ports(axis).position_coulomb is not None
+    )
 
 
 def relative_profile(term: Term, axis: AxisSettings, places: F64) -> F64:
     """Excess over the Coulomb force that a term makes at places, float64[N] (0.1 = 10 %)."""
-    ports = EffectPorts(axis, 1e-3, 1.0)
-    term.effect.apply(ports, term.mapping())
+    ports = term.ports(axis)
     if ports.position_coulomb is None:
         return np.zeros(len(places))
     return np.interp(places, ports.positions, ports.position_coulomb) - 1.0
-
-
-def _typical(effect: Effect, axis: AxisSettings) -> EffectPorts:
-    """Ports with an effect of typical values."""
-    values = {p.key: midrange(p, axis) for p in effect.parameters}
-    ports = EffectPorts(axis, 1e-3, 1.0)
-    effect.apply(ports, values)
-    return ports
 
 
 def _by_role(effect: Effect, axis: AxisSettings) -> dict[str, Coordinate]:

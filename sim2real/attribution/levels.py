@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative
 from sim2real.attribution.signature import effect_inputs
@@ -57,8 +57,8 @@ class Levels:
     """
 
     best: Fitted
-    odds: dict[str, dict[str, float]]
-    fitted: list[Alternative]
+    odds: dict[str, dict[str, float]] = field(default_factory=dict)
+    fitted: list[Alternative] = field(default_factory=list)
 
 
 def settle_levels(
@@ -75,7 +75,7 @@ def settle_levels(
         library: effects by name.
         loop: squared closed-loop gap of the axis under a model.
     """
-    found = Levels(best, {}, [])
+    found = Levels(best)
     if problem.axis.wander <= 0.0:
         return found
     found.best = _merge(problem, best, library)

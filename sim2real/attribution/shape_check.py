@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
+from sim2real.attribution.candidates import TrackedDictionary
 from sim2real.attribution.free_form import is_profile
-from sim2real.attribution.tracked import TrackedDictionary
 from sim2real.dictionary import Dictionary
 from sim2real.fitting import (
     AxisModel,
@@ -29,6 +29,7 @@ from sim2real.fitting import (
     is_coulomb_drift,
     is_coulomb_level,
 )
+from sim2real.held_out import FLOOR_LEVEL
 from sim2real.scoring.constants import (
     AGAINST,
     COURSE,
@@ -39,7 +40,6 @@ from sim2real.scoring.constants import (
     ORDERS,
     REPEATED,
 )
-from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
 

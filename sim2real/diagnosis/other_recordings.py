@@ -17,9 +17,9 @@ from sim2real.diagnosis.verdict import Diagnosis
 from sim2real.findings import EXPLAINED, PARTLY_EXPLAINED, GapReport
 from sim2real.fitting import AxisModel
 from sim2real.gap import NO_GAP_BELOW
+from sim2real.held_out import FLOOR_LEVEL, axis_gap
 from sim2real.open_loop import MotionLoop
 from sim2real.scoring.constants import ENOUGH
-from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 from stagedata import Recording
 
 

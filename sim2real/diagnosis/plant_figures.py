@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
-from sim2real.attribution import AxisSearch
+from sim2real.attribution import AxisResult
 from sim2real.axis_units import unit_on
 from sim2real.findings import FigureChange
 from sim2real.fitting import (
@@ -28,12 +28,11 @@ from sim2real.fitting import (
     NUISANCES,
     STEP,
     AxisModel,
-    fit,
     invert_scaled,
     plant_figure,
     with_base,
 )
-from sim2real.scoring.constants import RELATIVE, SCATTER, WANDER_SHARE
+from sim2real.scoring.constants import RELATIVE, WANDER_SHARE
 
 F64 = NDArray[np.float64]
 
@@ -64,22 +63,10 @@ class FittedFigures:
     scatter: float = 1.0
 
 
-def figures_of_search(found: AxisSearch) -> FittedFigures:
-    """Those of a search on innovations or in the free loop."""
-    problem, best = found.problem, found.best
-    covariance = best.covariance
-    if covariance is None:  # without effects none was asked for until now
-        covariance = fit(problem, best.model, 0).covariance
-    if covariance is None:
-        raise ValueError(f"axis {problem.axis.name}: a thorough fit has a covariance")
-    if not found.folds:  # relative, and with the integration step, which no machine file has
-        own = np.delete(np.arange(len(covariance)), STEP)
-        scale = np.ones(len(own))
-        scale[:STEP] = problem.spread[:STEP]
-        covariance = covariance[np.ix_(own, own)] / np.outer(scale, scale)
-    return FittedFigures(
-        problem.axis, best.model, covariance, problem.spread[:STEP].copy(), SCATTER
-    )
+def figures_of(found: AxisResult) -> FittedFigures:
+    """The figures of a search."""
+    spread = found.spread[:STEP].copy()
+    return FittedFigures(found.axis, found.best.model, found.covariance(), spread, found.scatter)
 
 
 def settle_figures(

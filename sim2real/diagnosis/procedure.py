@@ -14,12 +14,12 @@ judged by what users see, the free-run gap, on moves that took no part in fittin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects import Effect
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
     AxisSearch,
@@ -30,13 +30,11 @@ from sim2real.attribution import (
     is_one_profile,
     measure_closed,
     of_size,
-    refit_beside,
     search_effects,
 )
+from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
-from sim2real.diagnosis.open_loop import diagnose_open_loop, with_description
 from sim2real.diagnosis.verdict import Diagnosis, conclude
-from sim2real.findings import PARTLY_EXPLAINED, UNEXPLAINED
 from sim2real.fitting import (
     AxisModel,
     AxisProblem,
@@ -44,8 +42,8 @@ from sim2real.fitting import (
     compose_stage,
 )
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
+from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.scoring.constants import REPEATED
-from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
 _LEAST_TOLERANCE = 1e-4
@@ -69,44 +67,37 @@ def diagnose(
         jobs: threads for the axes, and for the fits that they wait for.
         progress: called with (what is being done, steps done, all steps).
     """
-    if examined.open_loop is not None and examined.insufficient is None:
-        return diagnose_open_loop(examined, tolerance, library, jobs=jobs, progress=progress)
-    plain = report_without_causes(examined)
     if examined.insufficient is not None or examined.gap is None:
-        return Diagnosis(plain, {}, {})
+        return Diagnosis(report_without_causes(examined), {}, {})
+    if examined.open_loop is not None:
+        results, held_out = search_along_motion(examined, tolerance, library, jobs, progress)
+        return conclude(examined, results, held_out)
     settings = examined.settings
     # The workers are left first: on Ctrl-C they stop the searches that the pool waits for.
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool, Workers(jobs) as workers:
         stage = _StageSearch(examined, tolerance, library, workers, progress)
-        names = stage.names
-        progress("effects", 0, 100 * len(names))
-        searches = dict(zip(names, pool.map(stage.search_axis, names), strict=True))
-        stage.searches = searches
+        progress("effects", 0, 100 * len(stage.names))
+        stage.take(pool.map(stage.search_axis, stage.names))
         progress("shapes", 0, 3)
-        _refit_coupled(searches, settings)
+        stage.searches = _refit_coupled(stage.searches, settings)
         progress("shapes", 1, 3)
-        list(pool.map(stage.check_shapes, names))
+        stage.take(pool.map(stage.check_shapes, stage.names))
         progress("shapes", 2, 3)
-        drop_invisible(searches, examined.measured, settings)
-        for name in names:
-            stage.decide_in_loop(name)
-        list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
-        measure_closed(searches, examined.measured, settings)
+        stage.searches = drop_invisible(stage.searches, examined.measured, settings)
+        stage.take(map(stage.decide_in_loop, stage.names))
+        stage.take(pool.map(stage.repeat_best, stage.names))
+        searches = measure_closed(stage.searches, examined.measured, settings)
         progress("shapes", 3, 3)
-        held_out = HeldOut(
-            examined.measured, settings, searches, pool, partial(progress, "held-out moves")
-        )
-        found = conclude(examined, plain, searches, held_out)
-    if found.report.verdict not in (UNEXPLAINED, PARTLY_EXPLAINED):
-        return found
-    report = with_description(found.report, examined, found.models, found.report.causes)
-    return replace(found, report=report)
+        told = partial(progress, "held-out moves")
+        held_out = predict_held_out(examined.measured, settings, searches, pool, told)
+        return conclude(examined, searches, held_out)
 
 
 class _StageSearch:
     """The searches on all axes of a stage, and the steps that each goes through.
 
-    In order: `search_axis`, `check_shapes`, `decide_in_loop`, `fit_repeats`.
+    In order: `search_axis`, `check_shapes`, `decide_in_loop`, `repeat_best`. Each returns the axis'
+    search as it is then, and `take` keeps those of all axes.
 
     Args:
         examined: the recordings.
@@ -137,6 +128,10 @@ class _StageSearch:
         self._free_forms = {
             name: FreeFormTest(name, self._measured, self._settings) for name in self.names
         }
+
+    def take(self, searches: Iterable[AxisSearch]) -> None:
+        """Continue with these searches of all axes."""
+        self.searches = dict(zip(self.names, list(searches), strict=True))
 
     def search_axis(self, name: str) -> AxisSearch:
         """Search one axis for effects."""
@@ -169,83 +164,94 @@ class _StageSearch:
         loop = self.free_loop(name)
         return fit_figures(loop, start)[0].model if loop.allows(start) else start
 
-    def fit_repeats(self, name: str, model: AxisModel) -> None:
-        """Fit each effect of a model once more beside itself, unless that was done already."""
-        found = self.searches[name]
-        if found.free is not None or tuple(found.repeats) == model.names():
-            return
-        models = {name: other.best.model for name, other in self.searches.items()}
+    def _repeated(self, search: AxisSearch, model: AxisModel) -> AxisSearch:
+        """The search with each effect of a model fitted once more, unless that was done already."""
+        if search.free is not None or tuple(search.repeats) == model.names():
+            return search
+        name = search.axis.name
+        models = {other: found.best.model for other, found in self.searches.items()}
 
         def share(effect: Effect, model: AxisModel) -> float:
             return self._free_forms[name].share(effect, {**models, name: model})
 
-        found.repeats = fit_repeats(
-            found.problem, model, self._library, partial(self._loop_gap, name), share
+        loop = partial(self._loop_gap, name)
+        return replace(
+            search, repeats=fit_repeats(search.problem, model, self._library, loop, share)
         )
 
-    def decide_in_loop(self, name: str) -> None:
+    def repeat_best(self, name: str) -> AxisSearch:
+        """Fit the effects found once more beside themselves."""
+        return self._repeated(self.searches[name], self.searches[name].best.model)
+
+    def decide_in_loop(self, name: str) -> AxisSearch:
         """Let the free loop decide about an axis that the search by innovations has left open.
 
         Of an effect in another shape it gives the figures; else it searches by itself.
         """
-        found, loop = self.searches[name], self.free_loop(name)
-        if found.is_complete:
-            return
-        if found.repeats:
-            found.fit_in_loop(loop, found.alternatives[0].model)
-        else:
-            found.decide_in_loop(search_free(loop, self._all, rival=found.alternatives[0].model))
+        search, loop = self.searches[name], self.free_loop(name)
+        if search.is_complete:
+            return search
+        first = search.alternatives[0].model
+        if search.repeats:
+            return search.fitted_in_loop(loop, first)
+        return search.decided_in_loop(search_free(loop, self._all, rival=first))
 
-    def check_shapes(self, name: str) -> None:
+    def check_shapes(self, name: str) -> AxisSearch:
         """Look for an effect in another shape than the library's where a search is not complete.
 
         It is sought as a free form first, then as an effect that departs from its equation.
         """
-        found, loop = self.searches[name], partial(self._loop_gap, name)
-        problem = found.problem
-        pair = found.best.model
-        if is_one_profile(pair, found.open_gap, problem.axis, loop):
-            found.discard(pair.names())
-        if found.is_complete:
-            return
-        single = of_size(found.alternatives, 1)[:1]
+        search, loop = self.searches[name], partial(self._loop_gap, name)
+        pair = search.best.model
+        if is_one_profile(pair, search.open_gap, search.axis, loop):
+            search = search.discarding(pair.names())
+        if search.is_complete:
+            return search
+        single = of_size(search.alternatives, 1)[:1]
         if single:
-            self.fit_repeats(name, single[0].model)
-        if self._take_free_form(name):
-            return
-        found.repeats = {n: r for n, r in found.repeats.items() if r.is_family(found.open_gap)}
-        for effect, repeat in found.repeats.items():
+            search = self._repeated(search, single[0].model)
+        formed = self._in_free_form(search)
+        if formed is not None:
+            return formed
+        opened = search.open_gap
+        search = replace(
+            search, repeats={n: r for n, r in search.repeats.items() if r.is_family(opened)}
+        )
+        for effect, repeat in search.repeats.items():
             model = self._nearest(name, [single[0].model, *repeat.alone(effect)])
-            found.prefer(model, loop(model))
+            search = search.preferring(model, loop(model))
+        return search
 
-    def _take_free_form(self, name: str) -> bool:
-        """Take the library's effect nearest to a free form, if the free form explains the gap.
+    def _in_free_form(self, search: AxisSearch) -> AxisSearch | None:
+        """The search with the library's effect nearest to a free form, if that explains the gap.
 
-        Returns whether it was taken: as the first alternative, with its repeat.
+        It is the first alternative then, with its repeat. None where no free form explains the gap.
         """
-        found, loop = self.searches[name], partial(self._loop_gap, name)
-        start = found.problem.start
+        name = search.axis.name
         form = self._free_forms[name].most_likely(self._library.values())
         if form is None or form.share <= REPEATED:
-            return False
+            return None
         kind = form.effect
-        starts = [start.added(term) for term in form.starts]
-        starts += [r.model for r in found.alternatives if r.model.names() == (kind.name,)]
+        starts = [search.problem.start.added(term) for term in form.starts]
+        starts += [a.model for a in search.alternatives if a.model.names() == (kind.name,)]
         model = self._nearest(name, starts)
         shares = (form.share, self._free_forms[name].share(kind, {name: model}))
-        repeat = free_form_repeat(model, shares, (found.open_gap, loop(model)))
-        if not repeat.is_family(found.open_gap):
-            return False
-        found.prefer(model, repeat.before)
-        found.repeats = {kind.name: repeat}
-        return True
+        repeat = free_form_repeat(model, shares, (search.open_gap, self._loop_gap(name, model)))
+        if not repeat.is_family(search.open_gap):
+            return None
+        return replace(search.preferring(model, repeat.before), repeats={kind.name: repeat})
 
 
-def _refit_coupled(searches: Mapping[str, AxisSearch], settings: StageSettings) -> None:
-    """Refit the axes whose effects depend on other axes, beside what was found on those."""
-    models = {name: found.best.model for name, found in searches.items()}
+def _refit_coupled(
+    searches: Mapping[str, AxisSearch], settings: StageSettings
+) -> dict[str, AxisSearch]:
+    """The searches with axes whose effects depend on other axes refitted beside those."""
+    models = {name: search.best.model for name, search in searches.items()}
+    refitted = dict(searches)
     for axis in settings.axes:
         elsewhere = any(model.terms for name, model in models.items() if name != axis.name)
         own = models[axis.name].settings(axis)
         if elsewhere and needs_other_axes(own, settings.sync_period):
-            refit_beside(searches[axis.name], compose_stage(settings, models).axes)
+            beside = compose_stage(settings, models).axes
+            refitted[axis.name] = searches[axis.name].refitted_beside(beside)
+    return refitted

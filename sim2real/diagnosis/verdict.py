@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
+    AxisResult,
     AxisSearch,
     FreeFormTest,
     FrictionOverPosition,
@@ -18,19 +15,20 @@ from sim2real.attribution import (
     list_candidates,
     of_size,
 )
-from sim2real.diagnosis.examination import Examination
-from sim2real.diagnosis.plant_figures import figures_of_search, settle_figures
+from sim2real.diagnosis.along_motion import describe_forces, fitted_figures
+from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
+from sim2real.diagnosis.plant_figures import figures_of, settle_figures
+from sim2real.diagnosis.reason import describe_far_off, give_reason
 from sim2real.experiment import propose_experiment
 from sim2real.findings import (
     EXPLAINED,
+    INSUFFICIENT,
     NO_GAP,
     PARTLY_EXPLAINED,
-    SHOWN_AS,
     UNEXPLAINED,
     Candidate,
     Cause,
     Confusable,
-    GapFigures,
     GapReport,
     NextExperiment,
     SelectionStep,
@@ -42,20 +40,13 @@ from sim2real.fitting import (
     plant_figure,
     with_base,
 )
-from sim2real.gap import NO_GAP_BELOW, Signals, combined_floors
+from sim2real.gap import NO_GAP_BELOW, Signals
+from sim2real.held_out import HeldOut, Remaining, combined_energy, share_closed
 from sim2real.scoring.constants import ENOUGH, NEAR
-from sim2real.shrinkage import HeldOut, combined_energy, share_closed
-
-F64 = NDArray[np.float64]
 
 _SMALLER = 2.0
 """Largest squared gap over floor per signal that counts as no gap where no cause was found and an
 axis is not complete; with all axes complete it is `NEAR`."""
-_FAR_OFF = {"position": 0.1, "force": 0.5}
-"""Ratio of a signal's gap to its own standard deviation from which the gap is large, however large
-the floor is: the floor of a model that is far off is not reliable."""
-_TRAVELLED = 1e-4
-"""Smallest standard deviation of an axis' demand at which this ratio is examined [m]."""
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
 experiment must be able to tell it from another value."""
@@ -88,182 +79,197 @@ class Diagnosis:
 
 
 def conclude(
-    examined: Examination,
-    plain: GapReport,
-    searches: Mapping[str, AxisSearch],
-    held_out: HeldOut,
+    examined: Examination, results: Mapping[str, AxisResult], held_out: HeldOut
 ) -> Diagnosis:
-    """Draw the conclusions of all searches (long: one verdict after another).
+    """Draw the conclusions of all searches.
 
     Args:
         examined: the recordings.
-        plain: report without causes.
-        searches: axis -> its search.
-        held_out: residuals on held-out moves.
+        results: axis -> what its search found.
+        held_out: what models leave on held-out moves.
     """
-    samples = held_out.samples()
-    before, after = held_out.energies(held_out.before), held_out.energies(held_out.after)
-    signals = before.shape[1]
-    total = combined_energy(before, samples)
-    share, interval = share_closed(before, after, samples)
-    in_sample, _ = share_closed(before, held_out.energies(held_out.fitted), samples)
-    causes, candidates, confusable = _gather(searches, held_out, (before, after, samples))
+    found, candidates, confusable = _gather(examined, results, held_out)
+    causes = [cause for cause in found if cause.probability > 0.5]
     whole = all(
-        found.is_complete and not any(r.departs for r in found.repeats.values())
-        for found in searches.values()
+        result.is_complete and not any(map(result.departs, result.repeats))
+        for result in results.values()
     )
-    models = {name: found.best.model for name, found in searches.items()}
-    confident = [cause for cause in causes if cause.probability > 0.5]
-    left, left_out = held_out.after, _left_out(searches, confident)
-    if confident and left_out:  # the twin has only the probable causes, so only they are promised
-        whole, in_sample = False, None
-        left = max(
-            (held_out.without[key] for key in left_out),
-            key=lambda residual: combined_energy(held_out.energies(residual), samples),
-        )
-        share, interval = share_closed(before, held_out.energies(left), samples)
-    if confident:
-        enough = whole and share is not None and share >= ENOUGH
-        verdict = EXPLAINED if enough else PARTLY_EXPLAINED
-    else:
-        # Without causes the better of file and fit counts: figures fitted to a coarse log may be
-        # worse than the file's. With improbable causes the file's gap counts, whatever they close.
-        fitted = total if causes else combined_energy(after, samples)
-        remaining = min(fitted, total) / signals
-        verdict = _verdict_without_causes(causes, remaining, whole)
-    far_off = describe_far_off(examined)
-    if verdict == NO_GAP and far_off:
-        verdict = UNEXPLAINED
-    reason = _reason(verdict, confident, share, combined_floors(examined.gap or {}), whole)
-    if verdict == UNEXPLAINED and far_off:
-        reason += f"; {far_off}"
+    after = _as_named(examined, results, held_out, causes)
+    whole = whole and after is held_out.after
+    share, interval = share_closed(held_out.before, after.energies, held_out.samples)
+    verdict = _verdict(examined, results, held_out, (found, causes), share, whole)
+    plain = report_without_causes(examined)
     report = replace(
         plain,
         verdict=verdict,
-        reason=reason,
+        reason=give_reason(verdict, causes, results, share, examined, whole=whole),
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
         confusable=tuple(confusable),
+        steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
-    if confident:
+    models = {name: result.best.model for name, result in results.items()}
+    if causes:
+        in_sample = None
+        if held_out.fitted is not None and after is held_out.after:
+            in_sample, _ = share_closed(held_out.before, held_out.fitted, held_out.samples)
         report = replace(
             report,
-            reason=reason + _departed(searches),
-            gap=_explained_gap(examined, held_out, left),
+            causes=tuple(causes),
+            gap={
+                axis: {s: replace(f, explained=after.rms[axis][s]) for s, f in signals.items()}
+                for axis, signals in (examined.gap or {}).items()
+            },
             gap_closed=share,
             gap_closed_interval=interval,
             gap_closed_in_sample=in_sample,
-            causes=tuple(confident),
-            steps=_steps(searches),
         )
-    report = replace(report, next_experiment=_next(report, searches, models, examined))
-    if not confident:
-        return Diagnosis(report, models, searches)
-    tests = (FreeFormTest(name, examined.measured, examined.settings) for name in models)
-    profiles = tuple(profile for test in tests for profile in test.profiles(models))
-    settled = {name: settle_figures(figures_of_search(found)) for name, found in searches.items()}
-    models = {name: model for name, (model, _) in settled.items()}
-    report = replace(report, figures=tuple(c for _, own in settled.values() for c in own))
-    plant = moved_figures(examined.settings, models)
-    steps = {
-        name: tuple(step.model for step in found.free.steps)
-        for name, found in searches.items()
-        if found.free is not None
+    if examined.open_loop is None:
+        report = replace(report, next_experiment=_next(report, results, examined))
+    diagnosis = Diagnosis(report, models, _searches(results))
+    if causes:
+        diagnosis = _with_twin(diagnosis, examined, results, held_out)
+    final = diagnosis.models
+    report = replace(diagnosis.report, fitted=fitted_figures(examined, results, final))
+    if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
+        report = replace(report, empirical=describe_forces(examined, final, causes))
+    return replace(diagnosis, report=report)
+
+
+def _searches(results: Mapping[str, AxisResult]) -> dict[str, AxisSearch]:
+    return {name: found for name, found in results.items() if isinstance(found, AxisSearch)}
+
+
+def _with_twin(
+    diagnosis: Diagnosis,
+    examined: Examination,
+    results: Mapping[str, AxisResult],
+    held_out: HeldOut,
+) -> Diagnosis:
+    """A diagnosis that names causes, with the figures of a twin and what shows its effects."""
+    profiles: list[FrictionOverPosition] = []
+    if examined.open_loop is None:
+        for name in results:
+            test = FreeFormTest(name, examined.measured, examined.settings)
+            profiles += test.profiles(diagnosis.models)
+    settled = {
+        name: settle_figures(figures_of(found), examined.unknown.get(name, ()))
+        for name, found in results.items()
     }
-    return Diagnosis(report, models, searches, held_out.explained(), plant, profiles, steps)
+    models = {name: model for name, (model, _) in settled.items()}
+    changes = tuple(change for _, own in settled.values() for change in own)
+    return replace(
+        diagnosis,
+        report=replace(diagnosis.report, figures=changes),
+        models=models,
+        explained=held_out.explained,
+        plant=moved_figures(examined.settings, models),
+        profiles=tuple(profiles),
+        steps={
+            name: tuple(step.model for step in found.free.steps)
+            for name, found in results.items()
+            if found.free is not None
+        },
+    )
 
 
-def _left_out(
-    searches: Mapping[str, AxisSearch], confident: Sequence[Cause]
-) -> list[tuple[str, int]]:
-    """Axis and index of the effects of the models that are not among the probable causes."""
-    named = {(cause.axis, cause.effect) for cause in confident}
-    return [
-        (axis, index)
-        for axis, found in searches.items()
+def _gather(
+    examined: Examination, results: Mapping[str, AxisResult], held_out: HeldOut
+) -> tuple[list[Cause], list[Candidate], list[Confusable]]:
+    """Causes, largest share of the gap first, candidates and confusable effects of all axes."""
+    above_floor = combined_energy(held_out.before, held_out.samples) - held_out.before.shape[1]
+    causes, candidates, confusable = [], [], []
+    for found in results.values():
+        own: list[Cause] = []
+        if found.free is None or found.free.names_causes():
+            own, alike = find_causes(found, held_out, along_motion=examined.open_loop is not None)
+            causes += own
+            confusable += alike
+        candidates += list_candidates(found, own, above_floor)
+    causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
+    return causes, candidates, confusable
+
+
+def _as_named(
+    examined: Examination,
+    results: Mapping[str, AxisResult],
+    held_out: HeldOut,
+    causes: Sequence[Cause],
+) -> Remaining:
+    """What is left on held-out moves of what the causes named promise.
+
+    The twin has only these: of a model with other effects, the worst without one of them counts.
+    """
+    named = {(cause.axis, cause.effect) for cause in causes}
+    unnamed = [
+        held_out.without[axis, index]
+        for axis, found in results.items()
         for index, name in enumerate(found.best.model.names())
         if (axis, name) not in named
     ]
+    if not causes or not unnamed or examined.open_loop is not None:
+        return held_out.after
+    return max(unnamed, key=lambda left: combined_energy(left.energies, held_out.samples))
 
 
-def _steps(searches: Mapping[str, AxisSearch]) -> tuple[SelectionStep, ...]:
-    """Steps of the axes where the free loop took over."""
+def _verdict(
+    examined: Examination,
+    results: Mapping[str, AxisResult],
+    held_out: HeldOut,
+    causes: tuple[Sequence[Cause], Sequence[Cause]],
+    share: float | None,
+    whole: bool,
+) -> str:
+    """The verdict.
+
+    Args:
+        examined: the recordings.
+        results: axis -> what its search found.
+        held_out: what models leave on held-out moves.
+        causes: all, and those that are named.
+        share: of the gap that these close.
+        whole: whether all axes are complete and no effect departs from its equation.
+    """
+    found, named = causes
+    if named:
+        enough = whole and share is not None and share >= ENOUGH
+        return EXPLAINED if enough else PARTLY_EXPLAINED
+    samples = held_out.samples.sum(axis=0)
+    opened, remaining = (
+        energies.sum(axis=0) / samples for energies in (held_out.before, held_out.after.energies)
+    )
+    if examined.open_loop is not None:
+        steps = any(result.free is not None and result.free.steps for result in results.values())
+        small = opened.max() < NO_GAP_BELOW or (remaining.max() < NO_GAP_BELOW and not steps)
+    else:
+        # The better of file and fit counts: figures fitted to a coarse log may be worse than the
+        # file's. With improbable causes the file's gap counts, whatever they close.
+        least = float(opened.mean() if found else min(opened.mean(), remaining.mean()))
+        near = not found and least < (NEAR if whole else _SMALLER)
+        small = near or least < NO_GAP_BELOW
+    if not small or describe_far_off(examined):
+        return UNEXPLAINED
+    # Where the plant agrees, and the controller does not, there is a gap.
+    return INSUFFICIENT if examined.open_loop == OTHER_CONTROLLER else NO_GAP
+
+
+def _steps(results: Mapping[str, AxisResult]) -> tuple[SelectionStep, ...]:
+    """Steps of the axes where the free loop found the effects."""
     return tuple(
         SelectionStep(axis, step.added, step.effects, step.closed, step.uncertainty)
-        for axis, found in searches.items()
+        for axis, found in results.items()
         if found.free is not None and found.best.model.terms
         for step in found.free.steps
     )
 
 
-def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bool) -> str:
-    """Verdict where no cause is probable: `no_gap` if little remains, else `unexplained`.
-
-    Args:
-        causes: improbable ones.
-        remaining: squared combined gap over floor, per signal: of the machine file, or of fitted
-            base parameters alone where these leave less.
-        whole: whether all axes are complete and no effect departs from its equation.
-    """
-    small = not causes and remaining < (NEAR if whole else _SMALLER)
-    return NO_GAP if small or remaining < NO_GAP_BELOW else UNEXPLAINED
-
-
-def describe_far_off(examined: Examination) -> str:
-    """In words, the signals whose gap is a large part of the recorded signal; "" if there are none.
-
-    A model that far off makes other motions than the stage, and its floor, which is taken from
-    them, may be as large as the gap.
-    """
-    found = []
-    for axis, signals in (examined.gap or {}).items():
-        demands = [m.replay.recording.axes[axis].position_demand for m in examined.measured]
-        if max(float(np.std(demand)) for demand in demands) < _TRAVELLED:
-            continue
-        measured = [m.replay.measured()[axis] for m in examined.measured]
-        valid = [m.replay.valid(axis) for m in examined.measured]
-        for signal, figures in signals.items():
-            logged = [m[signal][v] for m, v in zip(measured, valid, strict=True)]
-            own = float(np.sqrt(np.mean([np.var(values) for values in logged])))
-            if figures.nominal > _FAR_OFF[signal] * own:
-                scale, unit = SHOWN_AS[figures.unit]
-                found.append(
-                    f"the {signal} of {axis} is simulated {figures.nominal * scale:.3g} {unit} rms "
-                    f"off, and varies by {own * scale:.3g} {unit}"
-                )
-    return ", and ".join(found)
-
-
-def _gather(
-    searches: Mapping[str, AxisSearch], held_out: HeldOut, energies: tuple[F64, F64, F64]
-) -> tuple[list[Cause], list[Candidate], list[Confusable]]:
-    """Causes, largest share of the gap first, candidates and confusable effects of all axes.
-
-    Args:
-        searches: axis -> its search.
-        held_out: residuals on held-out moves.
-        energies: of the moves by the machine file and by the final model, and their samples,
-            float64[moves, signals] each.
-    """
-    before, after, samples = energies
-    above_floor = combined_energy(before, samples) - before.shape[1]
-    causes, candidates, confusable = [], [], []
-    for name, found in searches.items():
-        own, alike = find_causes(name, found, held_out, before, after, samples)
-        causes += own
-        confusable += alike
-        candidates += list_candidates(name, found, own, above_floor)
-    causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
-    return causes, candidates, confusable
-
-
 def _next(
     report: GapReport,
-    searches: Mapping[str, AxisSearch],
-    models: Mapping[str, AxisModel],
+    searches: Mapping[str, AxisResult],
     examined: Examination,
 ) -> NextExperiment | None:
     """Moves that would decide what these recordings leave open; None where nothing is open."""
+    models = {name: found.best.model for name, found in searches.items()}
 
     def between(why: str, axis: str, one: AxisModel, other: AxisModel) -> NextExperiment | None:
         return propose_experiment(
@@ -300,9 +306,7 @@ def _next(
         for key, poor in cause.parameters.items():
             if poor.sigma > _POOR * abs(poor.value) and model.terms[index].is_size_or_shape(key):
                 why = f"{key} of {cause.effect} on {cause.axis} is known only to {poor.sigma:.2g}"
-                within = coordinate(
-                    model.terms[index].effect, key, searches[cause.axis].problem.axis
-                )
+                within = coordinate(model.terms[index].effect, key, searches[cause.axis].axis)
                 farther = within.clipped(poor.value + _DOUBT * poor.sigma)
                 other = model.with_value(index, key, farther)
                 return between(why, cause.axis, model, other)
@@ -323,52 +327,3 @@ def moved_figures(
         if changed:
             out[axis.name] = changed
     return out
-
-
-def _departed(searches: Mapping[str, AxisSearch]) -> str:
-    """For the reason: effects whose shape is not the library's."""
-    names = [
-        f"{effect} on {axis}"
-        for axis, found in searches.items()
-        for effect, repeat in found.repeats.items()
-        if repeat.departs
-    ]
-    return f"; the shape of {' and '.join(names)} is not the library's" if names else ""
-
-
-def _explained_gap(
-    examined: Examination, held_out: HeldOut, residuals: Sequence[Signals]
-) -> Mapping[str, Mapping[str, GapFigures]]:
-    """The gap's figures with what the causes leave on held-out moves: `residuals` of each."""
-    out: dict[str, dict[str, GapFigures]] = {}
-    for axis, signals in (examined.gap or {}).items():
-        out[axis] = {}
-        for signal, figures in signals.items():
-            energy = count = 0.0
-            for m, left in zip(held_out.measured, residuals, strict=True):
-                valid = m.replay.valid(axis)
-                energy += float(np.square(left[axis][signal][valid]).sum())
-                count += float(valid.sum())
-            out[axis][signal] = replace(figures, explained=math.sqrt(energy / count))
-    return out
-
-
-def _reason(
-    verdict: str, causes: Sequence[Cause], share: float | None, floors: float, whole: bool
-) -> str:
-    """The reason for a verdict, in one sentence."""
-    size = f"the combined gap is {floors:.3g} times the floor"
-    if verdict == NO_GAP:
-        return f"{size}: within the machine file's tolerance and repeatability"
-    if verdict == UNEXPLAINED:
-        return f"{size}, and no effect of the library explains it"
-    verb = "closes" if len(causes) == 1 else "close"
-    closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
-    rest = "" if whole else "; the residual still has structure"
-    return f"{size}; {name_causes(causes)}{closed}{rest}"
-
-
-def name_causes(causes: Sequence[Cause]) -> str:
-    """Causes in a sentence: a on x, b on y and c on y."""
-    *others, last = (f"{cause.effect} on {cause.axis}" for cause in causes)
-    return f"{', '.join(others)} and {last}" if others else last

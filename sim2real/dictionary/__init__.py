@@ -5,7 +5,7 @@ says what models are fitted to: tracked innovations or the free loop.
 """
 
 from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised, shift_only_place
-from sim2real.dictionary.nodes import FIRST_ORDER, Values, effect_nodes, midrange
+from sim2real.dictionary.nodes import FIRST_ORDER, Values, effect_nodes, typical
 
 __all__ = [
     "FIRST_ORDER",
@@ -14,6 +14,6 @@ __all__ = [
     "Linearised",
     "Values",
     "effect_nodes",
-    "midrange",
     "shift_only_place",
+    "typical",
 ]

@@ -25,7 +25,7 @@ from sim2real.dictionary.nodes import (
     Values,
     Waves,
     effect_nodes,
-    midrange,
+    typical,
 )
 from sim2real.fitting import AxisModel, Term, coordinates
 
@@ -181,8 +181,7 @@ class Dictionary:
     def _is_cheap(self, effect: Effect) -> bool:
         if self._at.first_order is None:
             return False
-        values = tuple(midrange(p, self._axis) for p in effect.parameters)
-        return self._at.first_order(Term(effect, values)) is not None
+        return self._at.first_order(typical(effect, self._axis)) is not None
 
     def _is_scalable(self, effect: Effect) -> bool:
         """Whether all sizes of an effect are linear."""

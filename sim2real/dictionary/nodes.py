@@ -11,6 +11,7 @@ import numpy as np
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
+from sim2real.fitting import Term
 
 Values = tuple[float, ...]
 """Of an effect's parameters, in their order."""
@@ -82,6 +83,11 @@ def effect_nodes(
         before.add(parameter.role)
         grids.append(found)
     yield from itertools.product(*grids)
+
+
+def typical(effect: Effect, axis: AxisSettings) -> Term:
+    """An effect in the middle of its plausible ranges."""
+    return Term(effect, tuple(midrange(p, axis) for p in effect.parameters))
 
 
 def midrange(parameter: Parameter, axis: AxisSettings) -> float:

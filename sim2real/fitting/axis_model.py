@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects import Effect
+from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
@@ -51,6 +52,12 @@ class Term:
     def is_size_or_shape(self, key: str) -> bool:
         """Whether a parameter is a size or a shape, not a place or a phase."""
         return any(p.key == key and p.role in ("size", "shape") for p in self.effect.parameters)
+
+    def ports(self, axis: AxisSettings) -> EffectPorts:
+        """Where the effect enters an axis, over a moment."""
+        ports = EffectPorts(axis, 1e-3, 1.0)
+        self.effect.apply(ports, self.mapping())
+        return ports
 
     def mapping(self) -> dict[str, float]:
         """Key -> value."""

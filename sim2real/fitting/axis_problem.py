@@ -217,6 +217,11 @@ class AxisProblem:
             tracker.run(settings, None, model.substeps)[1] for tracker in self.trackers
         )
 
+    def unfitted(self, model: AxisModel) -> Fitted:
+        """A model as it is; with the largest deviations where physics does not allow it."""
+        residual = self.residual_or_worst(model)
+        return Fitted(model, self.cost(model, residual), residual, None)
+
     def reweighted(self, fitted: Fitted) -> Fitted:
         """The same model with residual and cost under the present gains and outliers."""
         residual = self.residual(fitted.model)

@@ -57,8 +57,7 @@ def clip_to_plausible(term: Term, axis: AxisSettings) -> Term:
 
 def is_coulomb_level(term: Term, axis: AxisSettings) -> bool:
     """Whether an effect changes the Coulomb level, in total, over time or over position."""
-    ports = EffectPorts(axis, 1e-3, 1.0)
-    term.effect.apply(ports, term.mapping())
+    ports = term.ports(axis)
     tables = (ports.time_coulomb, ports.position_coulomb)
     courses = bool(ports.decays) or any(table is not None for table in tables)
     return courses or ports.coulomb != 1.0
@@ -66,8 +65,7 @@ def is_coulomb_level(term: Term, axis: AxisSettings) -> bool:
 
 def is_coulomb_drift(term: Term, axis: AxisSettings) -> bool:
     """Whether an effect is a Coulomb level that changes with time."""
-    ports = EffectPorts(axis, 1e-3, 1.0)
-    term.effect.apply(ports, term.mapping())
+    ports = term.ports(axis)
     return bool(ports.decays) or ports.time_coulomb is not None
 
 
@@ -80,10 +78,9 @@ def is_within_tolerance(term: Term, axis: AxisSettings, tolerance: float) -> boo
 
     A deviation beyond `MAX_SIGMAS` is an effect (docs/formats/gap-report.md).
     """
-    plain, ports = EffectPorts(axis, 1e-3, 1.0), EffectPorts(axis, 1e-3, 1.0)
     if len(term.values) != 1:
         return False
-    term.effect.apply(ports, term.mapping())
+    plain, ports = EffectPorts(axis, 1e-3, 1.0), term.ports(axis)
     pairs = [(float(getattr(plain, name)), float(getattr(ports, name))) for name in _PLAIN]
     largest = max(abs(now - was) / was if was else abs(now) for was, now in pairs)
     return 0.0 < largest < MAX_SIGMAS * tolerance

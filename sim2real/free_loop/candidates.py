@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import AxisSettings
-from sim2real.dictionary import Dictionary, Linearised, midrange
+from sim2real.dictionary import Dictionary, Linearised, typical
 from sim2real.fitting import STEP
 from sim2real.free_loop.fit import FreeFit, derivatives, free_cost
 from sim2real.free_loop.loop import FreeLoop
@@ -71,7 +69,8 @@ class FreeDictionary(Dictionary):
         low, high = max(low / _BEYOND, parameter.least), high * _BEYOND
         over_travel = parameter.unit == "m"
         lines = self._loop.wave_lines(over_travel)
-        key = parameter.unit, _scales_motor(effect, self._loop.axis)
+        ports = typical(effect, self._loop.axis).ports(self._loop.axis)
+        key = parameter.unit, ports.position_gain is not None  # of a factor on the motor force
         if key not in self._power:
             self._power[key] = self._loop.wave_power(
                 self._fitted.residual, self._fitted.model, over_travel, self._own, key[1]
@@ -86,10 +85,3 @@ class FreeDictionary(Dictionary):
             found += [float(v) for v in (1.0 / beside if over_travel else beside) if v > 0.0]
             power = np.where(np.abs(lines - lines[peak]) < 1.0 / extent, 0.0, power)
         return found
-
-
-def _scales_motor(effect: Effect, axis: AxisSettings) -> bool:
-    """Whether an effect multiplies the motor force over position."""
-    ports = EffectPorts(axis, 1e-3, 1.0)
-    effect.apply(ports, {p.key: midrange(p, axis) for p in effect.parameters})
-    return ports.position_gain is not None

@@ -20,7 +20,7 @@ from sim2real.fitting import (
     to_coordinates,
 )
 from sim2real.free_loop.loop import FreeLoop
-from sim2real.shrinkage import FLOOR_LEVEL
+from sim2real.held_out import FLOOR_LEVEL
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]

@@ -18,8 +18,8 @@ from hil_sim.plant import needs_all_axes, simulate, simulate_variants
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Workers
 from sim2real.gap import Measured
+from sim2real.held_out import FOLDS
 from sim2real.phases import split_moves
-from sim2real.shrinkage import FOLDS
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]

@@ -15,12 +15,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, implausibility
 from sim2real.free_loop.candidates import FreeDictionary
 from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
 from sim2real.free_loop.loop import FreeLoop
+from sim2real.held_out import FLOOR_LEVEL, FOLDS
 from sim2real.scoring import effects_penalty, weigh_effect
 from sim2real.scoring.constants import (
     CHANCE,
@@ -41,7 +42,6 @@ from sim2real.scoring.constants import (
     SURE,
     VISIBLE,
 )
-from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]

@@ -204,9 +204,10 @@ def _similarity(found: Diagnosis) -> dict[str, Pairs]:
         if named and axis not in named:
             continue
         causes = [cause.effect for cause in found.report.causes if cause.axis == axis]
-        others = sorted(searched.scanned, key=lambda name: -searched.scanned[name])
+        others = sorted(searched.scanned, key=lambda name: -searched.scanned[name].gain)
         names = list(dict.fromkeys([*causes, *others]))[:_MAX_COMPARED]
-        similarity[axis] = signature_similarity(searched.signatures, names)
+        signatures = {name: candidate.signature for name, candidate in searched.scanned.items()}
+        similarity[axis] = signature_similarity(signatures, names)
     return similarity
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution.causes import name_probability
-from sim2real.attribution.search import AxisSearch
+from sim2real.attribution import AxisSearch
 from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import Term, fit
 from stagedata import Recording
@@ -24,21 +23,29 @@ def drift(nominal: tuple[Recording, StageSettings]) -> AxisSearch:
     problem = problem_of(recording, nominal[1], "y")
     term = Term(library()["thermal_drift"], tuple(values.values()))
     best = fit(problem, problem.start.added(term), 1, thorough=False)
-    return AxisSearch(problem, problem.nominal_fit(), best, open_gap=50.0, closes=1.0)
+    return AxisSearch(
+        axis=problem.axis,
+        spread=problem.spread,
+        problem=problem,
+        plain=problem.nominal_fit(),
+        best=best,
+        open_gap=50.0,
+        closes=1.0,
+    )
 
 
 def test_an_effect_in_another_shape_whose_set_was_not_kept(drift: AxisSearch) -> None:
     repeat = Repeat(100.0, 0.0, 1.0, 3.0, 5.0, drift.best.model, course=True)
     found = replace(drift, repeats={"thermal_drift": repeat})
     assert repeat.departs
-    assert name_probability(found, "thermal_drift") == (pytest.approx(0.97), [])
+    assert found.probability("thermal_drift") == (pytest.approx(0.97), [])
 
 
 def test_an_effect_on_the_level_that_is_out_of_the_question(drift: AxisSearch) -> None:
     """Odds of levels may be smaller than a number can be."""
     found = replace(drift, levels={"thermal_drift": {"coulomb_level": 0.0}})
-    assert name_probability(found, "thermal_drift") == (pytest.approx(0.99), [])
+    assert found.probability("thermal_drift") == (pytest.approx(0.99), [])
     near = replace(drift, levels={"thermal_drift": {"coulomb_level": 0.6}})
-    probability, others = name_probability(near, "thermal_drift")
+    probability, others = near.probability("thermal_drift")
     assert probability == pytest.approx(0.99 / 1.6)
     assert others == ["coulomb_level"]

@@ -8,7 +8,8 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import FreeForm, FreeFormTest
+from sim2real.attribution import FreeFormTest
+from sim2real.attribution.free_form import FreeForm
 from sim2real.diagnosis import examine
 from stagedata import Recording
 from tests.unit.sim2real.conftest import stage_with

@@ -8,7 +8,7 @@ import pytest
 
 from hil_sim.settings import StageSettings
 from sim2real.diagnosis import diagnose, examine
-from sim2real.diagnosis.verdict import describe_far_off, name_causes
+from sim2real.diagnosis.reason import describe_far_off, name_causes
 from sim2real.findings import Cause
 from sim2real.gap import combined_floors, compare_with_model
 from stagedata import Recording

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
 from sim2real.attribution.levels import level_course
 from sim2real.attribution.signature import effect_inputs, first_order_signature
-from sim2real.dictionary import Candidate, Dictionary, Linearised, midrange
+from sim2real.dictionary import Candidate, Dictionary, Linearised, typical
 from sim2real.fitting import AxisProblem, Fitted, Term
 from sim2real.tracking import Track
 
@@ -122,9 +121,7 @@ class TrackedDictionary(Dictionary):
     def _frequencies(self, effect: Effect, parameter: Parameter) -> list[float] | None:
         """Frequencies of the highest peaks of the innovations' spectrum [Hz], for a vibration."""
         axis = self._problem.axis
-        ports = EffectPorts(axis, 1e-3, 1.0)
-        effect.apply(ports, {p.key: midrange(p, axis) for p in effect.parameters})
-        if not ports.harmonics:
+        if not typical(effect, axis).ports(axis).harmonics:
             return None
         low, high = parameter.ranges(axis)[0]
         track, time = self._tracks[0], self._problem.trackers[0].time

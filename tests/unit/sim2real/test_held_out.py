@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim2real.shrinkage import combined_energy, share_closed, share_given_back
+from sim2real.held_out import combined_energy, share_closed, share_given_back
 
 SAMPLES = np.full((40, 2), 100.0)
 FLOOR = SAMPLES.copy()

@@ -6,7 +6,8 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import TrackedDictionary, signature_similarity
+from sim2real.attribution import signature_similarity
+from sim2real.attribution.candidates import TrackedDictionary
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 

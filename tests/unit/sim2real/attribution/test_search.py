@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution.refinement import without_effect
+from sim2real.attribution.search import without_effect
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from stagedata import Recording
 

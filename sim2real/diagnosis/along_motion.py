@@ -1,0 +1,211 @@
+"""The search without a controller: which effects explain the force that the measured motion takes.
+
+For recordings without a demand, machines whose gains nobody knows, and those whose controller is
+not that of the machine file. Names and figures come from the search of the free loop, run along the
+measured motion (`sim2real.open_loop`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects import Effect
+from sim2real.attribution import AxisResult
+from sim2real.axis_units import unit_on
+from sim2real.diagnosis.examination import Examination, Progress
+from sim2real.findings import Cause, EmpiricalForce, FittedFigure
+from sim2real.fitting import (
+    BASE,
+    AxisModel,
+    Fitted,
+    Workers,
+    compose_stage,
+    plant_figure,
+    with_base,
+)
+from sim2real.free_loop import FreeSearch, move_covariance, search_free
+from sim2real.gap import Signals
+from sim2real.held_out import HeldOut, Remaining
+from sim2real.open_loop import (
+    FIGURES,
+    MotionLoop,
+    compare_along,
+    describe_residual,
+    measure_motion,
+)
+
+F64 = NDArray[np.float64]
+
+_UNKNOWN = 0.19
+"""Relative standard deviation of a figure that the machine file leaves unknown, around the value
+that least squares find."""
+_MASS = 0.01
+"""Smallest tolerance of the mass. A drive reports the force at one instant, and the force varies
+within a SYNC period: on the reference stage by 2.4 % of mass times acceleration."""
+_SAME_AS = {
+    "mass": ("payload_mass", "force_constant"),
+    "coulomb": ("coulomb_level",),
+    "viscous": ("viscous_damping",),
+    "stiffness": ("presliding_stiffness",),
+}
+"""Figure -> effects that only change it: they are not searched for where the figure is unknown."""
+_BEHIND = ("dead_time", "current_bandwidth")
+"""Effects that lie between controller and reported force: they do not show along a motion."""
+
+
+def search_along_motion(
+    examined: Examination,
+    tolerance: Mapping[str, float],
+    library: Mapping[str, Effect],
+    jobs: int,
+    progress: Progress,
+) -> tuple[dict[str, AxisResult], HeldOut]:
+    """Search all axes along their motion, and predict held-out moves.
+
+    Arguments as `diagnosis.diagnose`.
+    """
+    names = list(examined.gap or {})
+    searches = {}
+    with Workers(jobs) as workers:
+        for number, name in enumerate(names):
+
+            def advance(share: float, before: int = number) -> None:
+                progress("effects", round(100 * (before + share)), 100 * len(names))
+
+            advance(0.0)
+            unknown = examined.unknown.get(name, ())
+            loop = MotionLoop(
+                name, examined.motions, examined.settings, tolerance.get(name, 0.0), workers
+            )
+            for at, figure in enumerate(BASE):
+                least = _UNKNOWN if figure in unknown else _MASS if figure == "mass" else 1e-4
+                loop.spread[at] = max(float(loop.spread[at]), least)
+            same = {effect for figure in unknown for effect in _SAME_AS.get(figure, ())}
+            sought = {
+                n: effect
+                for n, effect in library.items()
+                if effect.searched and n not in same and n not in _BEHIND
+            }
+            searches[name] = loop, search_free(loop, sought, advance)
+        progress("effects", 100 * len(names), 100 * len(names))
+        results = {name: _result(found) for name, (_, found) in searches.items()}
+        return results, _hold_out(examined, searches)
+
+
+def _result(found: FreeSearch) -> AxisResult:
+    loop, best = found.loop, found.best
+    covariance = move_covariance(loop, best)
+    return AxisResult(
+        axis=loop.axis,
+        spread=loop.spread,
+        best=Fitted(best.model, best.cost, best.residual, covariance),
+        open_gap=found.open_gap,
+        is_complete=found.is_near_floor(),
+        free=found,
+    )
+
+
+def _hold_out(
+    examined: Examination, searches: Mapping[str, tuple[MotionLoop, FreeSearch]]
+) -> HeldOut:
+    """What the models leave of the moves, each by the fit that did not see it."""
+    loops = [loop for loop, _ in searches.values()]
+    # `MotionLoop` counts the force twice, in place of the position: half of that energy is real.
+    before = np.column_stack([loop.energies(loop.residual(loop.start)) / 2.0 for loop in loops])
+    after = {
+        name: _by_fold(loop, [fold.residual for fold in found.folds])
+        for name, (loop, found) in searches.items()
+    }
+    samples = np.column_stack([loop.samples for loop in loops])
+    without = {}
+    for name, (loop, found) in searches.items():
+        for index, effect in enumerate(found.best.model.names()):
+            fewer = [_without(fold.model, effect) for fold in found.folds]
+            energies = {**after, name: _by_fold(loop, [loop.residual(model) for model in fewer])}
+            without[name, index] = Remaining(np.column_stack(list(energies.values())), {})
+    floors = {name: signals["force"].floor for name, signals in (examined.gap or {}).items()}
+    rms = {
+        name: {"force": math.sqrt(float(left.sum() / loop.samples.sum())) * floors[name]}
+        for (name, left), loop in zip(after.items(), loops, strict=True)
+    }
+    return HeldOut(
+        samples,
+        before,
+        Remaining(np.column_stack(list(after.values())), rms),
+        without,
+        {name: slice(at, at + 1) for at, name in enumerate(searches)},
+        _explained(examined, searches),
+    )
+
+
+def _by_fold(loop: MotionLoop, residuals: Sequence[F64]) -> F64:
+    """Energies of the moves, each by the fold that it is held in, float64[moves]."""
+    each = np.array([loop.energies(residual) for residual in residuals]) / 2.0
+    return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
+
+
+def _without(model: AxisModel, name: str) -> AxisModel:
+    names = model.names()
+    return model.without(names.index(name)) if name in names else model
+
+
+def _explained(
+    examined: Examination, searches: Mapping[str, tuple[MotionLoop, FreeSearch]]
+) -> tuple[Signals, ...]:
+    """Signals of the final models, one entry per recording."""
+    explained: list[Signals] = []
+    for number, measured in enumerate(examined.measured):
+        signals = {name: dict(nominal) for name, nominal in measured.floor.nominal.items()}
+        for name, (loop, found) in searches.items():
+            signals[name]["force"] = loop.force_of(number, found.best.model.settings(loop.axis))
+        explained.append(signals)
+    return tuple(explained)
+
+
+def describe_forces(
+    examined: Examination, models: Mapping[str, AxisModel], causes: Sequence[Cause]
+) -> tuple[EmpiricalForce, ...]:
+    """Descriptions of what is left of the forces, where one can be had.
+
+    Args:
+        examined: the recordings.
+        models: as fitted.
+        causes: that are named. What is described is what a twin with these effects leaves; on an
+            axis without causes, what the machine file leaves.
+    """
+    named = {(cause.axis, cause.effect) for cause in causes}
+    beside = {
+        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
+        for name, model in models.items()
+        if any(axis == name for axis, _ in named)
+    }
+    settings = compose_stage(examined.settings, beside)
+    motions = examined.motions or tuple(
+        measure_motion(m.replay.recording, settings) for m in examined.measured
+    )
+    measured = [compare_along(motion, settings) for motion in motions]
+    forces = (describe_residual(name, motions, measured, settings) for name in examined.gap or {})
+    return tuple(force for force in forces if force is not None)
+
+
+def fitted_figures(
+    examined: Examination, results: Mapping[str, AxisResult], models: Mapping[str, AxisModel]
+) -> tuple[FittedFigure, ...]:
+    """What the machine file leaves unknown, as the final models have it."""
+    figures = []
+    for name, found in results.items():
+        for figure in examined.unknown.get(name, ()):
+            if figure not in FIGURES:
+                continue
+            at, base = BASE.index(figure), models[name].base
+            value = plant_figure(with_base(found.axis, base), figure)
+            relative = math.sqrt(max(float(found.covariance()[at, at]), 0.0)) * found.spread[at]
+            sigma = float(relative / (1.0 + base[at]) * value)
+            unit = unit_on(found.axis, FIGURES[figure])
+            figures.append(FittedFigure(name, figure, value, sigma, unit))
+    return tuple(figures)
