@@ -28,6 +28,7 @@ from estimation.observer.watch import (
     BLOCK,
     ELSEWHERE,
     FED,
+    GROWS,
     OUT,
     SLOWEST,
     STANDS,
@@ -81,6 +82,7 @@ class Kind(IntEnum):
     ELSEWHERE = ELSEWHERE
     STANDS = STANDS
     UNANSWERED = UNANSWERED
+    GROWS = GROWS
 
 
 class Finding(NamedTuple):

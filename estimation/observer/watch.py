@@ -8,6 +8,12 @@ band in which the loop can oscillate persists above what is unavoidable, the cor
 its mean, which opens the loop. If the oscillation then dies faster than it did, the observer fed
 it, and it stays out; otherwise it goes on.
 
+An offset that acts the other way makes a deviation grow, faster than blocks can tell. Where the
+correction works, it is at most a time constant behind a disturbance: what it has moved by brings
+the deviation back. A deviation that is at a new peak after the correction has moved by half of its
+bound against it, at a steady demand, at which friction neither begins nor turns, is one that the
+correction drives.
+
 A position that is not the one that the drive holds (old, filtered) makes no oscillation: correction
 and integrator work against each other until the correction is at its limit. Two signs tell: the
 deviation stands at a constant speed, where the integrator would remove it; or it is so large that
@@ -28,9 +34,10 @@ from estimation.compiled import kernel
 WATCHING, TRYING, OUT = range(3)
 """What the watchdog does with an axis: the correction acts; it is frozen, for an experiment; it is
 out, and leaks away."""
-NOTHING, SUSPECTED, FED, ELSEWHERE, STANDS, UNANSWERED = range(6)
+NOTHING, SUSPECTED, FED, ELSEWHERE, STANDS, UNANSWERED, GROWS = range(7)
 """What it has found last: an oscillation, frozen to see; one that the observer fed; one that goes
-on without it; a deviation that stands; one that the drive does not answer."""
+on without it; a deviation that stands; one that the drive does not answer; one that grows although
+the correction pushes against it."""
 
 BLOCK = 4.0
 """Length of a block, in time constants of the correction: most of a period of the slowest
@@ -53,6 +60,8 @@ TRIES = 4
 STEADY = 2
 """Increments by which a step of a demand that goes on at a constant speed may differ from the one
 before: both are rounded."""
+PUSHED = 0.5
+"""Of the bound: a correction that has moved by as much against a deviation that still grows."""
 STANDING = 0.8
 """Of a mean deviation, from one block to the next: the drive's integrator removes more."""
 ANSWER = 2.0
@@ -107,6 +116,8 @@ WATCH_DTYPE = np.dtype(
         ("limited", "i8"),
         ("unanswered", "i8"),
         ("mean", "f8"),
+        ("peak", "f8"),
+        ("pushed_from", "f8"),
     ],
     align=True,
 )
@@ -123,7 +134,9 @@ WATCH_DTYPE = np.dtype(
   block to block before the experiment; tries: its blocks;
 - of the block under way at any demand: any_count; sums of deviation, of the drive's own force, of
   the absolute measured force and of the correction [m, N]; limited: samples at the limit;
-- unanswered: blocks that the drive did not answer; mean: correction of the block before [N].
+- unanswered: blocks that the drive did not answer; mean: correction of the block before [N];
+- peak: largest deviation since it changed sign at a steady demand [m], and pushed_from: the
+  correction then [N].
 """
 
 
@@ -163,6 +176,10 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
         restart_block(watched)
         watched.wait = max(watched.wait, 1)
         watched.last_power = watched.last_error = 0.0
+    if watched.mode == WATCHING and grows(watched, now, deviation, bound, steady):
+        freeze(figures, watched, now, OUT)
+        note(watched, GROWS, abs(deviation), 0.0)
+        return
     limited = 2 * watched.limited >= watched.any_count
     if watched.count >= figures.block:
         judge_block(figures, watched, now, limited, moving)
@@ -175,6 +192,19 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
         watched.mean = watched.any_correction / watched.any_count
         watched.any_count = watched.limited = 0
         watched.any_error = watched.any_own = watched.any_force = watched.any_correction = 0.0
+
+
+@kernel()
+def grows(watched, now, deviation, bound, steady):  # type: ignore[no-untyped-def]
+    """Whether a deviation is at a new peak, the correction having moved far against it."""
+    if not steady or (deviation > 0.0) != (watched.peak > 0.0):
+        watched.peak, watched.pushed_from = deviation, now.correction
+        return False
+    if abs(deviation) <= abs(watched.peak):
+        return False
+    watched.peak = deviation
+    pushed = now.correction - watched.pushed_from
+    return (pushed if deviation < 0.0 else -pushed) > PUSHED * bound
 
 
 @kernel()
@@ -212,7 +242,7 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
     else:
         watched.stands = 0
     if watched.stands >= STRIKES:
-        freeze(watched, now, OUT)
+        freeze(figures, watched, now, OUT)
         note(watched, STANDS, abs(error), 0.0)
         return
     least = max(figures.floor, watched.known_power / DIES)
@@ -228,7 +258,7 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
         trend = (power / watched.first_power) ** (1.0 / (strikes - 1))
         watched.trend = min(max(trend, PERSISTS), 1.0)
         watched.first_power = power
-        freeze(watched, now, TRYING)
+        freeze(figures, watched, now, TRYING)
         waves = 0.5 * watched.turns / (strikes * watched.count)
         note(watched, SUSPECTED, math.sqrt(power), waves)
 
@@ -245,17 +275,15 @@ def judge_answer(figures, watched, now, bound):  # type: ignore[no-untyped-def]
     else:
         watched.unanswered = 0
     if watched.unanswered >= 2:
-        freeze(watched, now, OUT)
+        freeze(figures, watched, now, OUT)
         note(watched, UNANSWERED, abs(error), 0.0)
 
 
 @kernel()
-def freeze(watched, now, mode):  # type: ignore[no-untyped-def]
+def freeze(figures, watched, now, mode):  # type: ignore[no-untyped-def]
     """Hold the correction at its mean over the last blocks."""
-    count = watched.any_count
-    now.correction = (
-        (watched.any_correction / count + watched.mean) / 2.0 if count else watched.mean
-    )
+    whole = watched.any_correction + figures.block * watched.mean
+    now.correction = whole / (watched.any_count + figures.block)
     watched.mode, watched.strikes, watched.stands, watched.tries = mode, 0, 0, 0
     watched.wait, watched.found_at = 1, watched.clock
 

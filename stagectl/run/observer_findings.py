@@ -38,6 +38,12 @@ def describe(axis: str, found: Finding) -> str:
                 f"the drive does not answer a deviation of {deviation}: 0x6064 is not the "
                 "position that it holds, or 0x60B2 does not act as the observer believes"
             )
+        case Kind.GROWS:
+            why = (
+                f"a deviation of {deviation} grows while the correction pushes against it: 0x60B2 "
+                "does not act as the observer believes (its sign?), or 0x6064 is not the position "
+                "that the drive holds"
+            )
         case Kind.SUSPECTED:
             return (
                 f"axis {axis}: the run ended before it was clear whether the observer, frozen at "
@@ -53,7 +59,7 @@ def describe(axis: str, found: Finding) -> str:
 
 def is_out(found: Finding) -> bool:
     """Whether the observer stays out."""
-    return found.kind in (Kind.FED, Kind.STANDS, Kind.UNANSWERED)
+    return found.kind in (Kind.FED, Kind.STANDS, Kind.UNANSWERED, Kind.GROWS)
 
 
 def _length(metres: float) -> str:

@@ -36,6 +36,7 @@ def run(
     late: float = 0.0,
     noise: float = 1e-9,
     observer: StageObserver | None = None,
+    sign: int = 1,
 ) -> Course:
     """An axis under its observer that moves at a constant speed, with samples that may be late.
 
@@ -46,6 +47,7 @@ def run(
         late: time by which a sampled position is old [s].
         noise: of the encoder [m rms].
         observer: None: a new one.
+        sign: with which the offset acts.
     """
     plant, rows = plant or Plant(), len(pushes)
     observer = observer or StageObserver([DESIGN], [UNITS], PERIOD, 1e-4)
@@ -60,7 +62,7 @@ def run(
         observer.sample[0] = (round(reading / STEP), force, 1, 0)
         sent = observer.offsets(k, 1, 0.0)[0] * UNITS.force
         deviation[k], correction[k] = plant.deviation, observer.correction[0]
-        plant.advance(before, sent, pushes[k], wiggle[k], steps=10)
+        plant.advance(sign * before, sign * sent, pushes[k], wiggle[k], steps=10)
         before, force = sent, round(plant.force / UNITS.force)
         findings += observer.findings()
     return Course(deviation, correction, findings, observer)
@@ -112,12 +114,24 @@ def test_pushes_and_noise_are_no_alarm(carriage: Carriage) -> None:
         assert run(pushes, Plant(DRIVE, carriage)).findings == []
 
 
-@pytest.mark.parametrize("late", [1e-3, 0.3e-3])
-def test_an_old_position_is_noticed_before_it_winds_up(late: float) -> None:
+@pytest.mark.parametrize("carriage", [CARRIAGE, SLIDING, replace(SLIDING, mass=14.0)])
+def test_a_deviation_that_the_correction_drives_is_cut_off_as_it_grows(carriage: Carriage) -> None:
+    """The offset acts with the wrong sign: what should bring a push's deviation back adds to it."""
+    course = run(np.full(900, 0.3), Plant(DRIVE, carriage), sign=-1)
+    assert kinds(course) == [Kind.GROWS]
+    onset = int(np.argmax(np.abs(course.deviation[40:]) > VISIBLE)) + 40
+    assert course.findings[0].time / PERIOD - onset <= 300
+    assert course.findings[0].rms < 6e-6
+    assert np.abs(course.deviation[-200:]).max() < 50e-9
+    assert course.observer.out == (True,)
+
+
+@pytest.mark.parametrize(("late", "kind"), [(1e-3, Kind.STANDS), (0.3e-3, Kind.GROWS)])
+def test_an_old_position_is_noticed_before_it_winds_up(late: float, kind: Kind) -> None:
     course = run(np.full(600, 6.0), Plant(DRIVE, SLIDING), speed=10e-3, late=late)
-    assert kinds(course) == [Kind.STANDS]
+    assert kinds(course) == [kind]
     assert course.findings[0].time <= 0.3
-    assert course.findings[0].rms == pytest.approx(10e-3 * late, rel=0.1)
+    assert course.findings[0].rms <= 1.1 * 10e-3 * late
 
 
 def test_a_drive_that_does_not_answer_is_noticed_in_any_motion() -> None:

@@ -25,6 +25,7 @@ def machine(tmp_path):
         (Kind.FED, True, "the observer fed an oscillation of 38 Hz (310 nm rms)"),
         (Kind.STANDS, True, "a deviation of 310 nm stands that the drive does not see"),
         (Kind.UNANSWERED, True, "the drive does not answer a deviation of 310 nm"),
+        (Kind.GROWS, True, "a deviation of 310 nm grows while the correction pushes against it"),
         (Kind.ELSEWHERE, False, "goes on without the observer, which was frozen at 0.246 s"),
         (Kind.SUSPECTED, False, "the run ended before it was clear"),
     ],
