@@ -11,8 +11,8 @@ it, and it stays out; otherwise it goes on.
 An offset that acts the other way makes a deviation grow, faster than blocks can tell. Where the
 correction works, it is at most a time constant behind a disturbance: what it has moved by brings
 the deviation back. A deviation that is at a new peak after the correction has moved by half of its
-bound against it, at a steady demand, at which friction neither begins nor turns, is one that the
-correction drives.
+bound against it, at a demand that has been steady for a block, so that friction neither begins nor
+turns, is one that the correction drives.
 
 A position that is not the one that the drive holds (old, filtered) makes no oscillation: correction
 and integrator work against each other until the correction is at its limit. Two signs tell: the
@@ -46,9 +46,8 @@ SLOWEST = 2.5
 """Time constant of the high-pass on the deviation, likewise: slower ones are the drive's to remove,
 and the observer settles within it."""
 STRIKES = 3
-"""Blocks in which a deviation has to persist."""
-TURNS = 2
-"""And at least so many changes of sign in them: what creeps back does not oscillate."""
+"""Blocks in which a deviation has to persist, with more changes of sign than blocks: what is slower
+is not fed by delay or stiffness, but creeps back, or is the drive's own."""
 PERSISTS = 0.5
 """And this much of its power from one block to the next: with a peak sensitivity of 2 it loses more
 in a half-wave."""
@@ -197,7 +196,7 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
 @kernel()
 def grows(watched, now, deviation, bound, steady):  # type: ignore[no-untyped-def]
     """Whether a deviation is at a new peak, the correction having moved far against it."""
-    if not steady or (deviation > 0.0) != (watched.peak > 0.0):
+    if not steady or watched.wait > 0 or (deviation > 0.0) != (watched.peak > 0.0):
         watched.peak, watched.pushed_from = deviation, now.correction
         return False
     if abs(deviation) <= abs(watched.peak):
@@ -224,17 +223,16 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
     if watched.wait > 0:
         watched.wait -= 1
         return
-    frequency = 0.5 * watched.crossings / watched.count
     if watched.mode == TRYING:
         watched.tries += 1
         expected = watched.first_power * watched.trend ** (watched.tries + 1)
-        if power < DIES * expected:
+        if watched.tries >= 2 and max(power, before) < DIES * expected:  # not by chance
             watched.mode = OUT
             note(watched, FED, watched.rms, watched.frequency)
         elif watched.tries >= TRIES:
             watched.mode = WATCHING
             watched.known_power = max(watched.known_power, power)
-            note(watched, ELSEWHERE, math.sqrt(power), frequency)
+            note(watched, ELSEWHERE, math.sqrt(power), watched.frequency)
         return
     standing = error * error_before > 0.0 and abs(error) > STANDING * abs(error_before)
     if limited and moving and standing and abs(error) > figures.stands:
@@ -253,7 +251,9 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
         watched.turns += watched.crossings
     else:
         watched.strikes = 0
-    if watched.strikes >= STRIKES and watched.turns >= TURNS:
+    if watched.strikes >= STRIKES and watched.turns <= watched.strikes:
+        watched.strikes = 0
+    if watched.strikes >= STRIKES:
         strikes = watched.strikes
         trend = (power / watched.first_power) ** (1.0 / (strikes - 1))
         watched.trend = min(max(trend, PERSISTS), 1.0)

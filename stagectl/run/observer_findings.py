@@ -40,9 +40,9 @@ def describe(axis: str, found: Finding) -> str:
             )
         case Kind.GROWS:
             why = (
-                f"a deviation of {deviation} grows while the correction pushes against it: 0x60B2 "
-                "does not act as the observer believes (its sign?), or 0x6064 is not the position "
-                "that the drive holds"
+                f"a deviation of {deviation} grows while the correction pushes against it: the "
+                "stage is not as believed (0x60B2 of the other sign or late, another mass, or "
+                "0x6064 not the position that the drive holds)"
             )
         case Kind.SUSPECTED:
             return (
