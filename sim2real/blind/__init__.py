@@ -3,8 +3,7 @@
 Drawing (`moves`, `draw`, `stage`; `unlisted_effects` and `reserved_effects` beside the library)
 knows the library's plausible ranges and the simulator, and nothing of how a diagnosis works. `seal`
 commits to the answer, `trial` runs one diagnosis, `outcome` keeps what it said, `score` counts, and
-`page` writes docs/blind.md. `baselines` asks two other methods (`fixed_list`, `sparse_regression`)
-about the same stages; `method_table` compares.
+`page` writes docs/blind.md.
 """
 
 from sim2real.blind.draw import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,21 +26,6 @@ class ReportedCause:
     probability: float
     gap_closed: float | None
     parameters: Mapping[str, tuple[float, float]]
-
-
-@dataclass(frozen=True, slots=True)
-class Baseline:
-    """What another method said of a trial.
-
-    Attributes:
-        named: (axis, effect), strongest first on each axis.
-        second: gap that its model closed on the second run, None where it named nothing.
-        processor: processor time [s].
-    """
-
-    named: tuple[tuple[str, str], ...]
-    second: float | None
-    processor: float
 
 
 _KEYS = {"reported": "told"}
@@ -67,7 +52,6 @@ class Outcome:
         processor: processor time of all cores together [s].
         key, nonce, digest: of the seal.
         error: why there is no report, "" where there is one.
-        baselines: method -> what it said, where other methods were asked.
     """
 
     seed: int
@@ -88,7 +72,6 @@ class Outcome:
     nonce: str
     digest: str
     error: str = ""
-    baselines: Mapping[str, Baseline] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; figures that are not finite are null."""
@@ -115,14 +98,6 @@ class Outcome:
         )
         known["processor"] = _number(values.get("processor"))
         known["confusable"] = tuple((axis, tuple(names)) for axis, names in values["confusable"])
-        known["baselines"] = {
-            method: Baseline(
-                tuple((axis, effect) for axis, effect in said["named"]),
-                said["second"],
-                _number(said["processor"]),
-            )
-            for method, said in values.get("baselines", {}).items()
-        }
         known["sigmas"] = {key: _number(value) for key, value in values["sigmas"].items()}
         return cls(**known)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sim2real.blind.draw import LEAST, SHARES
-from sim2real.blind.method_table import compare_methods
 from sim2real.blind.outcome import Outcome
 from sim2real.blind.score import BIN, Score, Share, is_wrong, score_outcomes
 
@@ -100,7 +99,6 @@ def write_page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
         [
             *lines,
             *table_rows(counted),
-            *_other_methods(outcomes),
             *_confusion(counted),
             *_failures(outcomes),
         ]
@@ -140,26 +138,6 @@ def table_rows(counted: Score) -> list[str]:
         lines += ["", "| causes | mean probability | right |", "| --- | --- | --- |"]
         lines += [f"| {b.causes} | {b.probability:.3f} | {b.right:.3f} |" for b in counted.bins]
     return [*lines, ""]
-
-
-def _other_methods(outcomes: Sequence[Outcome]) -> list[str]:
-    """The diagnosis beside the methods that were asked about the same trials."""
-    asked = [o for o in outcomes if o.baselines and not o.leave_out]
-    if not asked:
-        return []
-    methods = list(asked[0].baselines)
-    rows = compare_methods(asked, methods)
-    return [
-        f"Beside other methods on the same {len(asked)} stages, which get the same recording,",
-        "machine file and library (`--baselines`; `fixed_list` and `sparse_regression` in",
-        "`sim2real.blind`). Of the library the fixed list holds eight effects, and forces show",
-        "nothing of what acts within the control loop:",
-        "",
-        f"| | this diagnosis | {' | '.join(methods)} |",
-        "| --- |" + " --- |" * (1 + len(methods)),
-        *(f"| {row[0]} | {' | '.join(row[1:])} |" for row in rows),
-        "",
-    ]
 
 
 def _confusion(counted: Score) -> list[str]:

@@ -12,7 +12,6 @@ import numpy as np
 from hil_sim.effects.effect import Effect
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
-from sim2real.blind.baselines import run_baselines
 from sim2real.blind.draw import Key, build_stage, draw_key
 from sim2real.blind.moves import Demands, draw_demands
 from sim2real.blind.outcome import Outcome, ReportedCause
@@ -50,7 +49,6 @@ class Setup:
         substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
         jobs: threads of a diagnosis.
         effects: library effects on one axis in every trial; None to draw the kind of trial.
-        baselines: whether to run the baseline methods as well.
     """
 
     settings: StageSettings
@@ -64,7 +62,6 @@ class Setup:
     substeps: int | None = None
     jobs: int = 2
     effects: int | None = None
-    baselines: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,9 +188,6 @@ def run_trial(
         trial.sealed.nonce,
         trial.sealed.digest,
         error,
-        run_baselines(setup.settings, setup.tolerance, library, (trial.first, trial.second), spent)
-        if setup.baselines
-        else {},
     )
 
 

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 @click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
 @click.option("--only", metavar="EFFECT", help="Draw only this effect, in every trial.")
 @click.option("--effects", type=click.IntRange(3, 6), help="Effects on one axis in every trial.")
-@click.option("--baselines", is_flag=True, help="Compare with two simpler methods.")
 @click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
 @click.option(
     "--elements",
@@ -64,7 +63,6 @@ def blind(
     leave_out: bool,
     only: str | None,
     effects: int | None,
-    baselines: bool,
     machine: Path | None,
     elements: int | None,
     substeps: int | None,
@@ -89,7 +87,6 @@ def blind(
         substeps=substeps,
         jobs=jobs,
         effects=effects,
-        baselines=baselines,
     )
     about = {
         "label": label, "only": only, "elements": elements, "substeps": substeps, "effects": effects

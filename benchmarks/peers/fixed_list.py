@@ -1,4 +1,4 @@
-"""A baseline: a fixed list of figures fitted by least squares, as identification toolboxes do.
+"""A peer of the diagnosis: a fixed list of figures fitted by least squares, as identification toolboxes do.
 
 What MuJoCo's `sysid` offers for a joint and its actuator: mass, gain, friction loss, damping,
 spring with its rest position, constant force, delay and time constant of the actuator. All are

@@ -1,4 +1,4 @@
-"""A baseline: sparse regression in the force domain, as in the identification of robots.
+"""A peer of the diagnosis: sparse regression in the force domain, as in the identification of robots.
 
 The residual force, less mass times the residual acceleration, is regressed on columns of physical
 meaning. Orthogonal matching pursuit selects them: the best column (or pair) is added as long as it
