@@ -1,8 +1,7 @@
 """The friction history: every estimate with time and place, in SQLite or PostgreSQL.
 
-`port` (what the program sees), `records` (rows), `opening` (which history), `sql` on
-`database` or `postgres`, `writer` (a thread), `notes` and `filing` (from recordings), `measured`
-(levels).
+`records` (rows), `opening` (which history), `sql` on `database` or `postgres`, `writer` (a
+thread), `filing` (from recordings), `measured` (levels).
 
 Its names, in `__init__.pyi`, are imported on first use: a dry run needs neither kernels nor HDF5.
 """

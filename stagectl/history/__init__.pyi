@@ -1,8 +1,13 @@
-from .filing import file_run, file_unfiled_runs, runs_in
+from .filing import (
+    file_run,
+    file_unfiled_runs,
+    note_of_estimate,
+    note_of_run,
+    runs_in,
+    step_record,
+)
 from .measured import measured_level, misfit_error
-from .notes import note_of_estimate, note_of_run, step_record
 from .opening import FILE_NAME, default_history, open_existing, open_history
-from .port import History
 from .records import (
     F64,
     Activation,
@@ -18,6 +23,7 @@ from .records import (
     Trend,
     Wear,
 )
+from .sql import History
 from .temperature import (
     LatestTemperature,
     Thermometer,

@@ -1,4 +1,4 @@
-"""The history's port to a database, and SQLite behind it.
+"""What the history needs of a database, and SQLite as one.
 
 SQLite runs in WAL mode: one writer, and any number of readers that never wait for it. A commit has
 reached the kernel when it returns, so a killed process loses none (`synchronous = NORMAL`: a power
@@ -15,11 +15,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.port import NoHistory
 from stagectl.history.schema import APPLICATION_ID, MIGRATIONS, READABLE
 
 BUSY_TIMEOUT = 2.0
 """How long a write waits for another program's write lock [s]."""
+
+
+class NoHistory(UnusableInput):
+    """There is no history yet; opening it for writing would create one."""
 
 
 class Database(Protocol):

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stagectl.config.history_address import is_server
-from stagectl.history.port import History, NoHistory
+from stagectl.history.database import NoHistory, SqliteDatabase
 
 if TYPE_CHECKING:
     from stagectl.config.machine import Machine
+    from stagectl.history.sql import History
 
 FILE_NAME = "stage.db"
 OFF = "none"
@@ -27,15 +28,13 @@ def open_history(where: str, write: bool = False) -> History:
         UnusableInput: it does not exist, or this version cannot use it.
         StagectlError: it cannot be opened.
     """
-    from stagectl.history.sql import SqlHistory
+    from stagectl.history.sql import History
 
     if is_server(where):
         from stagectl.history.postgres import PostgresDatabase
 
-        return SqlHistory(PostgresDatabase(where, write))
-    from stagectl.history.database import SqliteDatabase
-
-    return SqlHistory(SqliteDatabase(Path(where), write))
+        return History(PostgresDatabase(where, write))
+    return History(SqliteDatabase(Path(where), write))
 
 
 def open_existing(where: str) -> History | None:

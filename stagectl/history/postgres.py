@@ -7,15 +7,20 @@ for SQLite, except for the parameter marks.
 from __future__ import annotations
 
 import logging
+import math
+import os
+import socket
+import threading
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from stagectl.config.history_address import UNNAMED, hide_passwords, shown_address
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.port import NoHistory
+from stagectl.history.database import NoHistory
 from stagectl.history.schema import MIGRATIONS, READABLE
-from stagectl.history.watchdog import Watchdog
 
 if TYPE_CHECKING:
     import psycopg
@@ -30,6 +35,8 @@ _ADDRESS = (
     "the address cannot be used: write postgresql://USER@HOST:PORT/DATABASE, special characters as "
     "%20 and the like, the password in PGPASSWORD or ~/.pgpass"
 )
+LOOK_EVERY = 0.25
+"""Interval of the checks [s]."""
 _LOCK = 0x53544743  # advisory lock during a migration
 
 
@@ -159,3 +166,53 @@ def _psycopg_marks(sql: str) -> Any:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+class Watchdog:
+    """Cuts a connection that does not answer in time; a context manager around each wait.
+
+    The server's own `statement_timeout` does not help where the server or the network hangs. A
+    thread here shuts the connection down, and whoever waits on it gets an error at once.
+
+    Args:
+        descriptor: of the connection's socket, which is duplicated.
+        patience: for each wait [s]; a wait inside another one starts it again.
+
+    Attributes:
+        patience: [s].
+        cut: whether the connection was cut.
+    """
+
+    def __init__(self, descriptor: int, patience: float) -> None:
+        self.patience = patience
+        self.cut = False
+        self._until, self._depth = math.inf, 0
+        self._over = threading.Event()
+        self._socket = socket.socket(fileno=os.dup(descriptor))
+        threading.Thread(target=self._watch, name="history watchdog", daemon=True).start()
+
+    def __enter__(self) -> None:
+        self._depth += 1
+        self._until = time.monotonic() + self.patience
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._depth -= 1
+        self._until = time.monotonic() + self.patience if self._depth else math.inf
+
+    def close(self) -> None:
+        """Stop watching; the connection stays as it is. Idempotent."""
+        self._over.set()
+
+    def _watch(self) -> None:
+        with self._socket:
+            while not self._over.wait(LOOK_EVERY):
+                if time.monotonic() > self._until:
+                    self.cut = True
+                    with suppress(OSError):  # the other end may have closed it
+                        self._socket.shutdown(socket.SHUT_RDWR)
+                    return

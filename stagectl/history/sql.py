@@ -37,8 +37,11 @@ _ESTIMATE = (
 )
 
 
-class SqlHistory(SqlRuns):
-    """`port.History` on a database.
+class History(SqlRuns):
+    """Friction of any number of stages over time and place.
+
+    Every method that writes is one transaction. All methods raise `StagectlError` where the
+    database cannot be reached or refuses.
 
     Args:
         database: with the latest tables of `schema`.
@@ -50,7 +53,7 @@ class SqlHistory(SqlRuns):
         self._stage_of_run: dict[int, int] = {}
 
     def start_run(self, run: RunEntry) -> int:
-        """As `port.History`."""
+        """Enter a run, unless its uuid exists already; returns its number."""
         with self._database.transaction():
             stage = self._stage_number(run.stage)
             rows = self._database.execute(
@@ -76,7 +79,14 @@ class SqlHistory(SqlRuns):
     def end_run(
         self, run: int, outcome: str | None, fault: str | None = None, estimates: int | None = None
     ) -> None:
-        """As `port.History`."""
+        """Enter how a run ended.
+
+        Args:
+            run: its number.
+            outcome: None where it was killed.
+            fault: its text.
+            estimates: number made, all of them filed; None: some may be missing.
+        """
         with self._database.transaction():
             self._database.execute(
                 "UPDATE run SET outcome = ?, fault = ?, estimates = ? WHERE id = ?",
@@ -85,7 +95,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
-        """As `port.History`."""
+        """Uuid and folder of runs with estimates that may be missing, newest first."""
         rows = self._database.execute(
             "SELECT r.uuid, r.folder FROM run r JOIN stage s ON s.id = r.stage "
             "WHERE s.machine = ? AND s.simulated = ? AND r.uuid IS NOT NULL "
@@ -96,12 +106,12 @@ class SqlHistory(SqlRuns):
 
     @reads
     def filed(self, run: int) -> int:
-        """As `port.History`."""
+        """Number of estimates of a run."""
         rows = self._database.execute("SELECT count(*) FROM estimate WHERE run = ?", (run,))
         return int(rows[0][0])
 
     def add(self, estimates: Sequence[EstimateRecord]) -> None:
-        """As `port.History`."""
+        """Add estimates, accepted or refused, all or none; existing numbers are kept."""
         made: dict[tuple[int, int, int], int] = {}
         with self._database.transaction():
             rows = [self._row(estimate, made) for estimate in estimates]
@@ -116,13 +126,13 @@ class SqlHistory(SqlRuns):
 
     @reads
     def stages(self) -> list[StageKey]:
-        """As `port.History`."""
+        """All stages in the history."""
         rows = self._database.execute("SELECT machine, simulated FROM stage ORDER BY id")
         return [StageKey(text(machine, "machine"), bool(simulated)) for machine, simulated in rows]
 
     @reads
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
-        """As `port.History`."""
+        """The last accepted estimate of each place and axis until `when` [s since 1970]."""
         rows = self._database.execute(
             # One index look-up per place and axis, however long the history is.
             f"SELECT {_ESTIMATE} FROM place p JOIN stage s ON s.id = p.stage "  # noqa: S608
@@ -136,7 +146,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
-        """As `port.History`."""
+        """Places, with the time of their last successful calibration."""
         mine = (stage.machine, int(stage.simulated))
         rows = self._database.execute(
             "SELECT x_um, y_um, max(time) FROM ("
@@ -156,7 +166,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
-        """As `port.History`."""
+        """The last refused estimates, newest first."""
         rows = self._database.execute(
             f"SELECT {_ESTIMATE} FROM estimate e JOIN place p ON p.id = e.place "  # noqa: S608
             "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
@@ -167,7 +177,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def wear(self, stage: StageKey, axis: str, since: float, until: float = math.inf) -> Wear:
-        """As `port.History`."""
+        """Moves and distance of an axis after `since`, counting moves with an estimate."""
         rows = self._database.execute(
             "SELECT count(*), coalesce(sum(e.distance), 0) FROM estimate e "
             "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
@@ -177,7 +187,7 @@ class SqlHistory(SqlRuns):
         return Wear(int(rows[0][0]), float(rows[0][1]))
 
     def add_step(self, step: StepRecord) -> None:
-        """As `port.History`."""
+        """Add a step of the level, unless its number exists already."""
         with self._database.transaction():
             rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (step.run,))
             where = self._id(
@@ -191,7 +201,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def steps(self, stage: StageKey, since: float = -math.inf) -> list[StepRecord]:
-        """As `port.History`."""
+        """Steps of the level in order of time."""
         rows = self._database.execute(
             "SELECT l.run, l.axis, p.x_um, p.y_um, l.time, l.change, l.kind FROM level_step l "
             "JOIN place p ON p.id = l.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
@@ -208,7 +218,7 @@ class SqlHistory(SqlRuns):
 
     @reads
     def counted(self, stage: StageKey) -> tuple[int, int]:
-        """As `port.History`."""
+        """Numbers of accepted and refused estimates."""
         rows = self._database.execute(
             "SELECT e.accepted, count(*) FROM estimate e JOIN place p ON p.id = e.place "
             "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
@@ -219,7 +229,7 @@ class SqlHistory(SqlRuns):
         return int(counts.get(1, 0)), int(counts.get(0, 0))
 
     def close(self) -> None:
-        """As `port.History`."""
+        """Close it; idempotent."""
         self._database.close()
 
     def _row(self, e: EstimateRecord, made: dict[tuple[int, int, int], int]) -> tuple[object, ...]:

@@ -10,7 +10,7 @@ from stagectl.history.records import Activation, StageKey, StoredMap
 
 
 class SqlMaps:
-    """The part of `port.History` that keeps maps.
+    """The part of `sql.History` that keeps maps.
 
     Args:
         database: with the latest tables of `schema`.
@@ -21,11 +21,11 @@ class SqlMaps:
 
     @property
     def name(self) -> str:
-        """As `port.History`."""
+        """For messages."""
         return self._database.name
 
     def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
-        """As `port.History`."""
+        """Save a new version of the stage's map; returns its number."""
         with self._database.transaction():
             owner = self._id(
                 "stage", ("machine", "simulated"), (stage.machine, int(stage.simulated))
@@ -40,7 +40,7 @@ class SqlMaps:
 
     @reads
     def maps(self, stage: StageKey) -> list[StoredMap]:
-        """As `port.History`."""
+        """All versions in order."""
         rows = self._database.execute(
             "SELECT m.number, m.made, m.comment, m.content FROM friction_map m "
             "JOIN stage s ON s.id = m.stage WHERE s.machine = ? AND s.simulated = ? "
@@ -57,7 +57,11 @@ class SqlMaps:
         ]
 
     def activate(self, stage: StageKey, number: int | None, time: float, reason: str) -> None:
-        """As `port.History`."""
+        """Make a version the active one; None: no map is active.
+
+        Raises:
+            ValueError: there is no such version.
+        """
         if number is not None and number not in {m.number for m in self.maps(stage)}:
             raise ValueError(f"there is no map {number} of {stage}")
         with self._database.transaction():
@@ -71,7 +75,7 @@ class SqlMaps:
 
     @reads
     def activations(self, stage: StageKey) -> list[Activation]:
-        """As `port.History`."""
+        """All activations in order of time."""
         rows = self._database.execute(
             "SELECT a.number, a.time, a.reason FROM activation a JOIN stage s ON s.id = a.stage "
             "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.id",

@@ -25,11 +25,11 @@ _NEWEST = "ORDER BY r.started DESC, r.id DESC LIMIT ?"
 
 
 class SqlRuns(SqlSeries):
-    """The part of `port.History` that reads runs; arguments as `SqlMaps`."""
+    """The part of `sql.History` that reads runs; arguments as `SqlMaps`."""
 
     @reads
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
-        """As `port.History`."""
+        """Number, entry and outcome of the last runs, newest first."""
         rows = self._database.execute(
             f"SELECT {_RUN} {_OF_STAGE} {_NEWEST}",
             (stage.machine, int(stage.simulated), last),
@@ -39,7 +39,7 @@ class SqlRuns(SqlSeries):
 
     @reads
     def friction_of_runs(self, stage: StageKey, wanted: RunFilter) -> list[RunFriction]:
-        """As `port.History`."""
+        """The last runs that a filter leaves, newest first, with the friction they have shown."""
         where, values = "", [stage.machine, int(stage.simulated)]
         for column in ("recipe", "lot", "wafer", "purpose"):
             value = getattr(wanted, column)

@@ -25,11 +25,11 @@ _LEVEL = "e.time, e.measured, e.measured_sigma"
 
 
 class SqlSeries(SqlMaps):
-    """The part of `port.History` that reads series; arguments as `SqlMaps`."""
+    """The part of `sql.History` that reads series; arguments as `SqlMaps`."""
 
     @reads
     def places(self, stage: StageKey) -> list[Pair]:
-        """As `port.History`."""
+        """Places with accepted estimates [m]."""
         rows = self._database.execute(
             "SELECT p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
             "WHERE s.machine = ? AND s.simulated = ? AND EXISTS (SELECT 1 FROM estimate e "
@@ -40,7 +40,7 @@ class SqlSeries(SqlMaps):
 
     @reads
     def newest(self, stage: StageKey) -> float | None:
-        """As `port.History`."""
+        """Time of the last estimate [s since 1970]; None where there is none."""
         rows = self._database.execute(
             "SELECT e.time FROM estimate e JOIN run r ON r.id = e.run JOIN stage s "
             "ON s.id = r.stage WHERE s.machine = ? AND s.simulated = ? "
@@ -60,7 +60,17 @@ class SqlSeries(SqlMaps):
         last: int | None = None,
         apart: float = 0.0,
     ) -> Trend:
-        """As `port.History`."""
+        """Accepted estimates of one axis at one place in order of time.
+
+        Args:
+            stage: whose.
+            axis: its name.
+            place: [m].
+            since: nothing earlier [s since 1970].
+            until: nothing later.
+            last: at most this many, the last ones.
+            apart: least time between two of them, counted back from the last one [s].
+        """
         numbers = self._database.execute(
             "SELECT p.id FROM place p JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
             "AND s.simulated = ? AND p.x_um = ? AND p.y_um = ?",
@@ -81,7 +91,15 @@ class SqlSeries(SqlMaps):
         each: int | None = None,
         apart: float = 0.0,
     ) -> list[Measurement]:
-        """As `port.History`."""
+        """Sliding levels measured by moves, in order of time.
+
+        Args:
+            stage: whose.
+            since: nothing until then [s since 1970].
+            until: nothing later.
+            each: at most this many of every place and axis, the last ones.
+            apart: as in `trend`.
+        """
         mine = (stage.machine, int(stage.simulated))
         if each is None and not apart:
             rows = self._database.execute(

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 from stagectl.errors import StagectlError
-from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StepRecord
+from stagectl.history.sql import History
 
 Record = EstimateRecord | StepRecord
 

@@ -1,7 +1,7 @@
 """A run's estimates on their way into the history.
 
 The history must not delay a SYNC or end a run, so a thread writes it (`history.writer`). What that
-thread cannot file is in the run's recording as well (`history.notes`); the next run with this
+thread cannot file is in the run's recording as well (`history.filing`); the next run with this
 history, or `stagectl history import`, files it from there.
 """
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from stagectl.history.watchdog import Watchdog
+from stagectl.history.postgres import Watchdog
 
 Pair = tuple[socket.socket, socket.socket]
 LONG = 1000.0
