@@ -5,12 +5,13 @@
 The host's machine file is wafer-xy. Drawn for each stage, the same for both axes: drive gains,
 mass, force constant, friction; an offset that acts late or the other way; a position that is old;
 dead time; a resonance, the encoder on the carriage or on the load. In brackets: what is true. Gain
-margins: as two seeds find them, each of its own design.
+margins of one observer: by the measurement that it was designed by, and by that of another seed.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from benchmarks.settling.observer import with_effects
 from benchmarks.settling.wrong_file import on_load, with_axes, with_quirks
 from benchmarks.shared.machine_facts import machine_facts
 from benchmarks.shared.other_stages import with_gains
-from estimation.observer import Design
+from estimation.observer import Design, MeasuredLoop
 from stagectl.config.machine import Axis, Effect, Machine
 from stagectl.config.machine.file import load_machine
-from stagectl.config.settings.observer import design_observers
+from stagectl.config.settings.observer import clocking, design_observers
 from stagectl.errors import RunFault
 from stagectl.measurement import Measurement, find_contradictions, measure_simulated
 
@@ -70,15 +71,28 @@ def drawn(machine: Machine, number: int) -> tuple[Machine, dict[str, float]]:
     return stage, true
 
 
-def margins(machine: Machine, measured: Measurement) -> dict[str, float | None]:
-    """Gain margin of each axis' observer; None without one."""
+def margins(
+    machine: Machine, measured: Measurement, again: Measurement
+) -> dict[str, tuple[float, float] | None]:
+    """Gain margin of each axis' observer by the measurement that designed it, and by another.
+
+    None without an observer.
+    """
     designs = design_observers(
         machine, None, {name: axis.response for name, axis in measured.axes.items()}
     )
-    return {
-        name: found.margins.gain if isinstance(found, Design) and found.margins else None
-        for name, found in designs.items()
-    }
+    found: dict[str, tuple[float, float] | None] = dict.fromkeys(designs)
+    for name, axis in machine.axes.items():
+        own = designs[name]
+        if not isinstance(own, Design) or own.margins is None:
+            continue
+        loop = MeasuredLoop(
+            again.axes[name].response, clocking(axis.drive, machine.bus.sync_period)
+        )
+        other = replace(own, figures=replace(own.figures, measured=loop)).margins
+        assert other is not None
+        found[name] = own.margins.gain, other.gain
+    return found
 
 
 def main() -> None:
@@ -92,25 +106,24 @@ def main() -> None:
     print(f"{machine_facts()}\n")
     print(
         "| stage | axis | late, ms | position age, ms | sign | dead time, ms | force per "
-        "acceleration | kp | resonance, Hz | gain margin, two seeds |\n"
+        "acceleration | kp | resonance, Hz | gain margin, two measurements |\n"
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
     )
     for number in range(arguments.first, arguments.first + arguments.stages):
         stage, true = drawn(machine, number)
         try:
             measured = measure_simulated(machine, stage, 1)
-            again = margins(machine, measure_simulated(machine, stage, 2))
+            margin = margins(machine, measured, measure_simulated(machine, stage, 2))
         except RunFault as fault:
             print(f"| {number} | not measured: {fault} |", flush=True)
             continue
-        margin = margins(machine, measured)
         for name, axis in machine.axes.items():
             found = find_contradictions(
                 axis, axis.plant.friction.figures, period, measured.axes[name].response
             )
             own = found.fitted.figures
             modes = ", ".join(f"{mode.frequency:.1f}" for mode in own.resonances)
-            both = ["none" if m is None else f"{m:.2f}" for m in (margin[name], again[name])]
+            both = ["none"] if margin[name] is None else [f"{m:.2f}" for m in margin[name] or ()]
             age = own.age + own.smoothing
             print(
                 f"| {number} | {name} | {own.lateness * 1e3:.2f} ({true['late'] * 1e3:.0f}) "

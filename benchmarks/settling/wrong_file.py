@@ -154,9 +154,7 @@ def measure(
         errors.append(max(error for error, _ in found))
         forces.append(max(force for _, force in found))
     stays = result(rest(dwell), "rest")
-    still = [
-        _at_rest(signals, dwell, host.bus.sync_period) for signals, _ in _signals(stays, truth)
-    ]
+    still = [at_rest(signals, dwell, host.bus.sync_period) for signals, _ in _signals(stays, truth)]
     whole = run_whole(case, load_recipe(RECIPE, host), host, seed, truth)
     out.extend(_notes(whole))
     settling = tuple(
@@ -234,7 +232,8 @@ def _stretches(flags: np.ndarray) -> list[tuple[int, int]]:
     )
 
 
-def _at_rest(signals: AxisSignals, dwell: float, period: float) -> tuple[float, float]:
+def at_rest(signals: AxisSignals, dwell: float, period: float) -> tuple[float, float]:
+    """Rms error [nm] and force about its mean [N] over the last three quarters of a dwell [s]."""
     last = slice(-round(0.75 * dwell / period), None)
     error = signals.position_actual[last] - signals.position_demand[last]
     return math.sqrt(np.mean(error**2)) * 1e9, float(np.std(signals.force_actual[last]))

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from benchmarks.settling.observer import cases
 from benchmarks.settling.wrong_file import (
     at_constant_speed,
+    at_rest,
     rows,
     slow_moves,
     with_effect,
@@ -295,3 +296,52 @@ def test_a_vibration_from_elsewhere_is_told_and_nothing_steps_back(machine):
     found = slow_run(machine, truth, observer=True)[1].summary["watchdog"]
     assert [entry["out"] for entry in found] == [False, False]
     assert all("comes from elsewhere" in entry["text"] for entry in found)
+
+
+SPEEDS, DWELL = (2e-3, 50e-3), 30.0
+STEADY = """\
+recipe: steady
+macro: {velocity: 0.05, acceleration: 0.5, jerk: 50}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+moves:
+- {to: [0.052, 0.052]}
+- {to: [0, 0]}
+- {to: [0.002, 0.002], velocity: 2 mm/s}
+- {to: [0, 0], velocity: 2 mm/s}
+- {dwell: 30 s}
+"""
+"""Without an observer the offset takes over what the integrator holds in the first long move, at
+10 N/s; both runs have that at the same speed."""
+
+
+@pytest.fixture(scope="module", params=["1.2 N of cogging", "drive gains x 0.5"])
+def steady_runs(machine, request):
+    """Runs without and with the observer that the machine file's stage was measured for."""
+    truth, results = rows(machine)[request.param], []
+    for observer in (False, True):
+        case = Case("", Mode.ESTIMATED, observer=observer, measured=machine)
+        recipe = parse_recipe(STEADY, "steady", machine)
+        results.append(run_whole(case, recipe, machine, 1, truth))
+    return truth, results
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_no_constant_speed_is_worse_with_it(steady_runs, speed):
+    truth, results = steady_runs
+    for name, axis in truth.axes.items():
+        off, on = (
+            at_constant_speed(result.recording.axes[name], speed, axis, 1e-3)[0]
+            for result in results
+        )
+        assert on <= 1.3 * off
+
+
+def test_a_long_rest_is_not_worse_with_it(steady_runs):
+    truth, results = steady_runs
+    for name in truth.axes:
+        (off, force_off), (on, force_on) = (
+            at_rest(result.recording.axes[name], DWELL, 1e-3) for result in results
+        )
+        assert on <= off + 5.0
+        assert force_on <= force_off + 0.05
