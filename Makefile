@@ -5,6 +5,9 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 DEV := $(VENV)/.installed-dev
 
+# Else every process that a test starts would compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test test-newest test-lowest docs-check docs-quotes lint types layers bench mutants lock clean help
 
 help: ## this list
@@ -35,15 +38,18 @@ $(DEV): $(INSTALLED) requirements/dev.txt
 run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 	$(BIN)/stagectl run recipes/inspection-20.yaml --simulate --out runs/inspection-20
 
+# What is marked slow is left to CI: make test SLOW=1.
+FAST = $(if $(SLOW),, and not slow)
+
 # First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
 # In their order, the long files of tests/system come first and none is left over for one process.
 # Files that tests read are UTF-8, whatever the locale.
 define run_tests
-	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
-	PYTHONUTF8=1 $(1)/bin/python -m pytest -m real_time
+	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time$(FAST)" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	PYTHONUTF8=1 $(1)/bin/python -m pytest -m "real_time$(FAST)"
 endef
 
-test: $(DEV) lint types layers ## lint, types, layers, all tests
+test: $(DEV) lint types layers ## lint, types, layers, all tests but slow ones; SLOW=1: those, too
 	$(call run_tests,$(VENV))
 
 # Not with the locked versions, but with what the index has today; on demand, not in CI.

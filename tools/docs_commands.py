@@ -29,6 +29,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -217,6 +218,23 @@ def with_quotes(text: str, followed: Sequence[tuple[Command, list[str]]]) -> str
     return "".join(f"{line}\n" for line in lines)
 
 
+def follow_whole(page: Path) -> str | None:
+    """The page as it would be with what its commands print; None where it has no commands.
+
+    Raises:
+        WrongDocsError: as of `follow`.
+    """
+    text, followed, at = page.read_text(encoding="utf-8"), [], time.monotonic()
+    if "```console" not in text:
+        return None
+    with copy_of_the_clone() as folder:
+        for command, printed in follow(text, folder, minutes=True):
+            took, at = time.monotonic() - at, time.monotonic()
+            sys.stderr.write(f"{page.name}: {took:4.0f} s  $ {command.text}\n")
+            followed.append((command, printed))
+    return with_quotes(text, followed)
+
+
 def main() -> int:
     """Check pages, or write what is printed into them; exit code 1 where they differ."""
     parser = argparse.ArgumentParser(
@@ -226,24 +244,21 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", type=Path, default=PAGES)
     given = parser.parse_args()
     wrong = False
-    for page in given.pages:
-        text, followed, at = page.read_text(encoding="utf-8"), [], time.monotonic()
-        if "```console" not in text:
-            continue
+    with ProcessPoolExecutor() as readers:
+        pages = [(page, readers.submit(follow_whole, page)) for page in given.pages]
+    for page, outcome in pages:
         try:
-            with copy_of_the_clone() as folder:
-                for command, printed in follow(text, folder, minutes=True):
-                    took, at = time.monotonic() - at, time.monotonic()
-                    sys.stderr.write(f"{page.name}: {took:4.0f} s  $ {command.text}\n")
-                    followed.append((command, printed))
+            new = outcome.result()
         except WrongDocsError as why:
             sys.stderr.write(f"{page}: {why}\n")
             wrong = True
             continue
-        new = with_quotes(text, followed)
+        text = page.read_text(encoding="utf-8")
+        if new is None or new == text:
+            continue
         if given.what == "quotes":
             page.write_text(new, encoding="utf-8")
-        elif new != text:
+        else:
             wrong = True
             sys.stderr.writelines(
                 difflib.unified_diff(

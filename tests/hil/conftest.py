@@ -219,7 +219,15 @@ if os.environ.get("STAGECTL_HIL_SOCKETCAN"):
 IN_REAL_TIME = [pytest.param(n, marks=pytest.mark.real_time) for n in RIGS if n != "lockstep"]
 
 
-@pytest.fixture(scope="module", params=["lockstep", *IN_REAL_TIME])
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """In lockstep all that the driver does; on each bus what depends on one (mark `every_bus`)."""
+    if "rig" in metafunc.fixturenames:
+        everywhere = metafunc.definition.get_closest_marker("every_bus") is not None
+        buses = ["lockstep", *(IN_REAL_TIME if everywhere else ())]
+        metafunc.parametrize("rig", buses, indirect=True, scope="module")
+
+
+@pytest.fixture(scope="module")
 def rig(request: pytest.FixtureRequest, stage_machine: Machine) -> Iterator[Rig]:
     """The drives behind one kind of bus, switched on once per module."""
     yield from RIGS[request.param](stage_machine)

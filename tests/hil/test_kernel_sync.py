@@ -28,7 +28,7 @@ ON_SOCKETCAN = [
 
 
 @pytest.fixture(scope="module", params=ON_SOCKETCAN)
-def rig(request: pytest.FixtureRequest, stage_machine: Any) -> Iterator[Any]:
+def on_socketcan(request: pytest.FixtureRequest, stage_machine: Any) -> Iterator[Any]:
     yield from RIGS[request.param](stage_machine)
 
 
@@ -44,11 +44,10 @@ def syncs(other: can.BusABC, count: int) -> list[can.Message]:
 
 
 def test_the_kernels_sync_goes_on_while_the_host_computes_and_ends_with_the_session(
-    rig: Any, travel_to: Any
+    on_socketcan: Any, travel_to: Any
 ) -> None:
-    rig = dataclasses.replace(
-        rig, bus=dataclasses.replace(rig.bus, sync_source="kernel", sync_counter=10)
-    )
+    bus = dataclasses.replace(on_socketcan.bus, sync_source="kernel", sync_counter=10)
+    rig = dataclasses.replace(on_socketcan, bus=bus)
     with rig.other() as other:
         with rig.open() as stage:
             stage.boot()

@@ -32,6 +32,7 @@ def good(samples: Any, rig: Any) -> bool:
     return bool(share == 1.0 if rig.virtual_time else share >= (0.6 if rig.guest else 0.9))
 
 
+@pytest.mark.every_bus
 def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: Any) -> None:
     with rig.open(homing_method=34) as stage:
         stage.boot()
@@ -54,6 +55,7 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
         assert np.nanmedian(rest.arrival) <= rig.period / 2
 
 
+@pytest.mark.every_bus
 def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, hold: Any) -> None:
     samples = stage.stream(*hold(stage, 60))
     if rig.virtual_time:
@@ -69,6 +71,7 @@ def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, h
         assert (samples.sync[~samples.late] < rig.period).all()
 
 
+@pytest.mark.every_bus
 def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:
@@ -125,6 +128,7 @@ def test_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> Non
         assert len(seen) == before
 
 
+@pytest.mark.every_bus
 def test_quick_stop_in_motion_stops_and_switches_power_off(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:
@@ -159,6 +163,7 @@ def test_a_following_error_of_one_axis_stops_both_and_can_be_reset(
     assert len(stage.stream(*hold(stage, 5))) == 5
 
 
+@pytest.mark.every_bus
 def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> None:
     stage.axes[1].node.write(ObjectRef(0x1017, 0, ""), 0)
     with pytest.raises(AxisFault, match=r"^axis y: heartbeat lost: node 2 silent"):
@@ -166,6 +171,7 @@ def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> N
     assert not stage.enabled
 
 
+@pytest.mark.every_bus
 @pytest.mark.parametrize(
     ("can_id", "data", "error", "said"),
     [
@@ -194,6 +200,7 @@ def test_a_reboot_while_running_is_noticed(
     assert not stage.enabled
 
 
+@pytest.mark.every_bus
 def test_the_drives_stop_by_themselves_when_the_host_falls_silent(
     stage: Stage, rig: Any, hold: Any
 ) -> None:
@@ -252,6 +259,7 @@ def test_a_refused_write_names_the_abort(booted: Stage) -> None:
         booted.axes[0].node.write(ObjectRef(0x6041, 0, "statusword"), 0)
 
 
+@pytest.mark.every_bus
 def test_closing_leaves_the_drives_without_power(rig: Any, hold: Any) -> None:
     with rig.open() as stage:
         stage.boot()

@@ -17,6 +17,7 @@ from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode
+from tests.command import stagectl
 from tests.postgres import Server, serve
 
 ROOT = Path(__file__).parents[2]
@@ -101,14 +102,20 @@ def server() -> Iterator[Server]:
         yield server
 
 
-@pytest.fixture
-def stagectl() -> Stagectl:
-    """The command as a process of its own."""
+@pytest.fixture(scope="session", name="stagectl")
+def _stagectl() -> Stagectl:
+    """The command in this process."""
+    return stagectl
 
-    def call(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+
+@pytest.fixture(scope="session")
+def process() -> Stagectl:
+    """The command as a process of its own: what it costs is seconds of imports."""
+
+    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "stagectl", *map(str, arguments)],
-            capture_output=True, text=True, timeout=500, check=False, **options,
-        )  # type: ignore[call-overload, no-any-return]  # fmt: skip
+            capture_output=True, text=True, timeout=500, check=False,
+        )  # fmt: skip
 
     return call

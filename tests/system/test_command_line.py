@@ -70,8 +70,8 @@ def test_completion_script(stagectl, shell):
     assert "_STAGECTL_COMPLETE" in done.stdout
 
 
-def test_run_and_json(stagectl, tmp_path):
-    done = stagectl("run", RECIPE, "--simulate", "--out", tmp_path / "a", "--json", "-")
+def test_run_and_json(process, tmp_path):
+    done = process("run", RECIPE, "--simulate", "--out", tmp_path / "a", "--json", "-")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["outcome"] == "completed"
@@ -303,7 +303,7 @@ def test_nothing_is_lost_when_killed(stagectl, tmp_path):
 
 
 @pytest.mark.real_time
-def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path, monkeypatch):
+def test_two_processes_over_udp_multicast_in_real_time(process, tmp_path, monkeypatch):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))  # every group is heard on a port: one of our own
         monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
@@ -332,7 +332,7 @@ def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path, monke
     try:
         assert server.stdout is not None
         assert "node 1" in server.stdout.readline()
-        done = stagectl(
+        done = process(
             "run", recipe, "--machine", machine, "--bus", f"udp_multicast:{group}",
             "--out", tmp_path / "out", "--json", "-",
         )  # fmt: skip
@@ -347,10 +347,10 @@ def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path, monke
     assert server.returncode == 0
 
 
-def test_a_terminal_that_cannot_show_everything(stagectl, short, tmp_path, monkeypatch):
+def test_a_terminal_that_cannot_show_everything(process, short, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     monkeypatch.setenv("COLUMNS", "40")
-    done = stagectl("run", short, "--simulate", "--out", tmp_path / "a")
+    done = process("run", short, "--simulate", "--out", tmp_path / "a")
     assert done.returncode == 0, done.stderr
     row = next(line for line in done.stdout.splitlines() if "micro" in line and "updated" in line)
     assert row.replace("|", " ").split()[:4] == ["x", "micro", "updated", "2"]
