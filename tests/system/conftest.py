@@ -96,6 +96,13 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.fixture(scope="session")
+def typical(run: Run, tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path]:
+    """A run from half of all friction figures on the stage as modelled, and its folder."""
+    folder = tmp_path_factory.mktemp("typical") / "run"
+    return run("estimated", 1, 0.5, folder=folder), folder
+
+
+@pytest.fixture(scope="session")
 def server() -> Iterator[Server]:
     """A PostgreSQL server of our own."""
     with serve() as server:

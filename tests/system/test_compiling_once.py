@@ -7,6 +7,8 @@ import shutil
 import subprocess
 import sys
 
+import pytest
+
 from stagedata.compiled import SHIPPED, kernel_folder
 from tests.short_recipe import short_recipe
 
@@ -64,8 +66,8 @@ def copy_kernels(folder, but):
                 shutil.copy(kernel, folder)
 
 
-def test_a_run_says_once_that_it_compiles(tmp_path, run):
-    run()  # all kernels are there now
+@pytest.mark.usefixtures("typical")  # all kernels are there then
+def test_a_run_says_once_that_it_compiles(tmp_path):
     recipe = tmp_path / "short.yaml"
     recipe.write_text(short_recipe((0.001, 0.001)))
     cache = tmp_path / "cache" / "stagectl"
@@ -85,8 +87,8 @@ def test_a_run_says_once_that_it_compiles(tmp_path, run):
     assert len(list(cache.glob(f"{OBSERVER}-*.kernel"))) == 1
 
 
-def test_a_second_process_compiles_what_the_run_needs_later(tmp_path, run):
-    run()
+@pytest.mark.usefixtures("typical")
+def test_a_second_process_compiles_what_the_run_needs_later(tmp_path):
     cache = tmp_path / "stagectl"
     copy_kernels(cache, PLANT)
     subprocess.run(

@@ -31,9 +31,9 @@ def with_effects(path, x="", y="", wander=0.01):
     return path
 
 
-@pytest.fixture
-def recipe(tmp_path):
-    path = tmp_path / "few-sites.yaml"
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recipe") / "few-sites.yaml"
     path.write_text(RECIPE)
     return path
 
@@ -125,6 +125,30 @@ def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, recipe
     assert settling[1] < 0.85 * settling[0]
 
 
+@pytest.fixture(scope="module")
+def runs_of(run, recipe):
+    """Two runs, for ten moves of one scatter by a fifth."""
+
+    def go(host, truth):
+        return [
+            run(seed=seed, host=host, truth=truth, recipe=recipe, observer=False).summary
+            for seed in (1, 2)
+        ]
+
+    return go
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return load_machine(with_effects(tmp_path_factory.mktemp("plain") / "m.yaml", wander=0.001))
+
+
+@pytest.fixture(scope="module")
+def without(runs_of, plain):
+    """Mean settling of a stage without effects [ms]."""
+    return mean(mean_settling(summary, "y") for summary in runs_of(plain, plain))
+
+
 @pytest.mark.parametrize(
     "effect",
     [
@@ -138,18 +162,11 @@ def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, recipe
     ],
     ids=lambda effect: effect.split(",")[0].split()[-1],
 )
-def test_a_known_effect_no_longer_delays_settling(run, recipe, tmp_path, effect):
-    plain = load_machine(with_effects(tmp_path / "plain.yaml", wander=0.001))
+def test_a_known_effect_no_longer_delays_settling(runs_of, plain, without, tmp_path, effect):
     truth = load_machine(with_effects(tmp_path / "truth.yaml", y=effect, wander=0.001))
-    none, unknown, known = (
-        [  # ten moves of one run scatter by a fifth
-            run(seed=seed, host=host, truth=stage, recipe=recipe, observer=False).summary
-            for seed in range(1, 5)
-        ]
-        for host, stage in ((plain, plain), (plain, truth), (truth, truth))
-    )
-    without, with_it, made_up = (
-        mean(mean_settling(summary, "y") for summary in runs) for runs in (none, unknown, known)
+    unknown, known = runs_of(plain, truth), runs_of(truth, truth)
+    with_it, made_up = (
+        mean(mean_settling(summary, "y") for summary in runs) for runs in (unknown, known)
     )
     assert made_up < 1.5 * without
     assert made_up < 0.7 * with_it

@@ -1,10 +1,8 @@
 """The settling observer in whole runs: on the stage as modelled, and on others."""
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 from statistics import mean
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -25,13 +23,12 @@ from benchmarks.shared.other_stages import of_law
 from stagectl.cli import cli
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect
-from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay import replay
 from stagectl.sequencer import Mode
 from tests.short_recipe import short_recipe
 
+RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"
 UNKNOWN = {
     "x": Effect("cogging", {"amplitude": 1.2, "pitch": 0.032, "phase": 0.5}),
     "y": Effect("cable_hysteresis", {"force": 1.0, "stiffness": 2500.0}),
@@ -57,8 +54,8 @@ def with_effects(machine, effects):
     return machine.model_copy(update={"axes": axes})
 
 
-def test_as_modelled_from_half_of_the_figures(run):
-    results = [run("estimated", seed, 0.5) for seed in (1, 2)]
+def test_as_modelled_from_half_of_the_figures(run, typical):
+    results = [typical[0], run("estimated", 2, 0.5)]
     assert mean(settling(results, "micro")) <= 0.002
     assert mean(settling(results, "macro")) <= 0.008
     for result in results:
@@ -97,6 +94,7 @@ Not learned, x needs 26, 28 and 109 ms."""
 SCALE = {"mass": 0.3, "lead": 1e-3, "coupling": 0.3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", LACKING)
 def test_what_the_planned_force_lacks_is_learned(run, machine, effect):
     values, said, figure, most = LACKING[effect]
@@ -112,6 +110,7 @@ def test_what_the_planned_force_lacks_is_learned(run, machine, effect):
     assert max(learned, key=lambda name: abs(learned[name] / SCALE[name])) == figure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "share"),
     [
@@ -146,8 +145,8 @@ def test_what_was_measured_is_fed_forward_from_the_first_move(run, machine):
     assert mean(1e3 * m["settling"]["5e-08"] for m in macro) <= 20
 
 
-def test_what_is_as_in_the_machine_file_is_not(run):
-    assert not [n for n in run("estimated", 1, 0.5).notices if "fed forward" in n]
+def test_what_is_as_in_the_machine_file_is_not(typical):
+    assert not [n for n in typical[0].notices if "fed forward" in n]
 
 
 def test_friction_without_presliding_is_found_and_no_spring_assumed(run, machine):
@@ -164,6 +163,7 @@ def test_friction_without_presliding_is_found_and_no_spring_assumed(run, machine
         assert [n[:6] for n in found] == ["axis x", "axis y"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["as modelled", "base_motion", "floor_vibration", "resonance"])
 def test_presliding_is_not_taken_for_sticking(run, machine, case):
     """These change the force on an axis most while it hardly moves."""
@@ -178,6 +178,7 @@ def test_without_it_nothing_is_corrected(run, tmp_path):
     assert "integrator holds" not in (tmp_path / "run" / "report.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault",
     [
@@ -188,12 +189,16 @@ def test_without_it_nothing_is_corrected(run, tmp_path):
     ],
     ids=["jitter", "SYNC missed", "setpoints lost", "SYNC late"],
 )
-def test_what_the_bus_does_is_not_answered_by_force(run, machine, fault):
+def test_what_the_bus_does_is_not_answered_by_force(run, machine, tmp_path, fault):
+    recipe = tmp_path / "ten-sites.yaml"
+    recipe.write_text(RECIPE.read_text().replace("count: [5, 4]", "count: [5, 2]"))
     off, on = [], []
-    for seed in range(1, 7):  # where in a move frames are late or lost is chance
+    for seed in range(1, 4):  # where in a move frames are late or lost is chance
         faults = parse_faults(f"faults: [{fault}]", "faults", machine, 6 + seed)
         for results, observer in ((off, False), (on, True)):
-            results.append(run("estimated", seed, 0.5, observer=observer, faults=faults))
+            results.append(
+                run("estimated", seed, 0.5, recipe=recipe, observer=observer, faults=faults)
+            )
     for kind in ("micro", "macro"):
         assert mean(settling(on, kind)) <= 0.6 * mean(settling(off, kind))
     peaks = [
@@ -203,7 +208,7 @@ def test_what_the_bus_does_is_not_answered_by_force(run, machine, fault):
     assert peaks[1] <= 1.1 * peaks[0]
 
 
-def test_a_machine_file_that_wants_none(run, machine):
+def test_a_machine_file_that_wants_none(run, machine, tmp_path):
     off = machine.model_copy(
         update={
             "axes": {
@@ -212,24 +217,11 @@ def test_a_machine_file_that_wants_none(run, machine):
             }
         }
     )
-    recipe = parse_recipe(short_recipe((0.004, -0.003)), "short.yaml", off)
-    with TemporaryDirectory() as folder:
-        result = execute(
-            RunRequest(
-                recipe,
-                off,
-                off,
-                None,
-                Mode.MODEL,
-                0.5,
-                1,
-                Path(folder),
-                datetime.now(UTC),
-                measurement=measure_virtual_stage(off, off),
-            ),
-            Listener(),
-        )
-        page = (Path(folder) / "report.html").read_text()
+    recipe = tmp_path / "short.yaml"
+    recipe.write_text(short_recipe((0.004, -0.003)))
+    folder = tmp_path / "run"
+    result = run("model", 1, 0.5, recipe=recipe, host=off, folder=folder)
+    page = (folder / "report.html").read_text()
     assert result.summary["observer"]["x"] == {
         "on": False,
         "reason": "switched off in the machine file",
@@ -239,9 +231,8 @@ def test_a_machine_file_that_wants_none(run, machine):
     assert "the drive's own integrator holds the difference" in page
 
 
-def test_a_run_is_repeated_by_its_log(run, tmp_path):
-    run("estimated", 1, 0.5, folder=tmp_path / "run")
-    assert replay(tmp_path / "run").difference is None
+def test_a_run_is_repeated_by_its_log(typical):
+    assert replay(typical[1]).difference is None
 
 
 def test_the_offsets_sent_are_in_the_recording(run, machine):

@@ -207,8 +207,8 @@ BELT = Machine(
     "unit: mm", "unit: '%'", (1e3, 100.0 / 60.0), (";", ","), duration=24.0,
 )  # fmt: skip
 SCREW = Machine(
-    1000.0, (1e-7, 3.0), strokes(0.2, (0.02, 0.08, 0.2), 2.0), _screw, 100.0,
-    "unit: counts", "unit: A, factor: 50", (1.0 / 2e-7, 1.0 / 50.0), duration=40.0,
+    500.0, (1e-7, 3.0), strokes(0.2, (0.04, 0.08, 0.2), 2.0), _screw, 100.0,
+    "unit: counts", "unit: A, factor: 50", (1.0 / 2e-7, 1.0 / 50.0), duration=20.0,
 )  # fmt: skip
 TOOL = Machine(
     100.0, (1e-6, 15.0), strokes(0.4, (0.05, 0.15, 0.3), 1.0), _tool, 1000.0,

@@ -60,15 +60,20 @@ def test_its_kind_is_recognised_in_any_shape(
     "effects",
     [
         {},
-        {"coulomb_level": {"ratio": 1.25}},
-        {"two_strand_cable": {"force": 1.0, "stiffness": 4e3}},
-        {"viscous_damping": {"ratio": 1.8}},
         {"presliding_stiffness": {"ratio": 0.6}},
         {"thermal_drift": {"amplitude": 0.3, "time_constant": 4.0}},
         {"cogging": {"amplitude": 1.5, "pitch": 0.032, "phase": 1.0}},
-        {"cable_stiffness": {"stiffness": 12.0, "center": 0.01}},
-        {"force_ripple": {"ratio": 0.06, "pitch": 0.012, "phase": 1.0}},
-        {"resonance": {"frequency": 90.0, "damping": 0.02, "mass_ratio": 0.1}},
+        *(
+            pytest.param(effects, marks=pytest.mark.slow)
+            for effects in (
+                {"coulomb_level": {"ratio": 1.25}},
+                {"two_strand_cable": {"force": 1.0, "stiffness": 4e3}},
+                {"viscous_damping": {"ratio": 1.8}},
+                {"cable_stiffness": {"stiffness": 12.0, "center": 0.01}},
+                {"force_ripple": {"ratio": 0.06, "pitch": 0.012, "phase": 1.0}},
+                {"resonance": {"frequency": 90.0, "damping": 0.02, "mass_ratio": 0.1}},
+            )
+        ),
     ],
     ids=lambda effects: next(iter(effects), "none"),
 )

@@ -51,6 +51,7 @@ def test_one_recording_needs_no_clock(nominal: tuple[Recording, StageSettings]) 
 WORN = {"friction_position": {"amplitude": 0.3, "center": 0.05, "width": 0.03}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "values", "then"),
     [
