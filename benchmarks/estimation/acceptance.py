@@ -48,7 +48,7 @@ from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.machine.twin import render_twin
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import load_recipe
-from stagectl.recipe.model import SimulatedMark
+from stagectl.recipe.schema import SimulatedMark
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import FrictionUpdated, Mode
 

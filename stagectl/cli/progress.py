@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from stagectl.recipe import ExciteStep, MoveStep, Recipe, plan_from
+from stagectl.recipe import Excite, MoveStep, Recipe, plan_from
 from stagectl.sequencer import (
     DriveLimited,
     EffectLeft,
@@ -81,7 +81,7 @@ class RunProgress:
             disable=not console.is_terminal,
         )
         steps = plan_from(recipe, done)
-        self._moves = sum(isinstance(step, MoveStep | ExciteStep) for step in steps)
+        self._moves = sum(isinstance(step, MoveStep | Excite) for step in steps)
         self._task = self._progress.add_task("starting", total=self._moves, left="", known="")
         self._begun = self._segment = 0
         self._first_move: float | None = None

@@ -3,29 +3,26 @@
 from stagectl.recipe.dry_run import dry_run
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.load import load_recipe, parse_recipe
-from stagectl.recipe.model import Excite, Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
+from stagectl.recipe.model import Excite, Excursion, Pair, Recipe
 from stagectl.recipe.plan import (
     DoneStep,
-    DwellStep,
-    ExciteStep,
     ExposeStep,
     FiducialStep,
     MarkedStep,
     MoveStep,
-    SettleStep,
     count_segments,
     plan,
     plan_from,
 )
+from stagectl.recipe.schema import Dwell, NoMark, Profile, Settle, SiteLimits
 from stagectl.recipe.sites import MAX_SITES, grid_positions
 from stagectl.recipe.tables import read_sites
 
 __all__ = [
     "MAX_SITES",
     "DoneStep",
-    "DwellStep",
+    "Dwell",
     "Excite",
-    "ExciteStep",
     "Excursion",
     "ExposeStep",
     "Fiducial",
@@ -36,7 +33,7 @@ __all__ = [
     "Pair",
     "Profile",
     "Recipe",
-    "SettleStep",
+    "Settle",
     "SiteLimits",
     "count_segments",
     "dry_run",

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from stagectl.config import Axis, Machine
 from stagectl.config.parsing.yaml_nodes import Document
 from stagectl.errors import ConfigError
-from stagectl.recipe import schema
-from stagectl.recipe.model import Profile
+from stagectl.recipe.schema import Profile
 
 Location = tuple[str | int, ...]
 
@@ -54,13 +53,7 @@ class Check:
         reason = f"{length:g} m is never exceeded: axis {name} faults at {least:g} m"
         return f"{reason} (limits.following_error)"
 
-    def read_profile(self, section: schema.ProfileSection, at: Location) -> Profile:
-        """The section as a profile, checked against the limits of the axes."""
-        profile = Profile(section.velocity, section.acceleration, section.jerk)
-        self.check_limits(profile, at, None)
-        return profile
-
-    def check_limits(self, profile: Profile, at: Location, only: int | None) -> None:
+    def check_limits(self, profile: Profile, at: Location, only: int | None = None) -> None:
         """Check a profile against the limits and drives of all axes, or of axis `only`."""
         for key in MOTION_KEYS:
             wanted = getattr(profile, key)

@@ -14,17 +14,9 @@ from typing import TYPE_CHECKING
 
 from stagectl.config import Machine
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
-from stagectl.recipe.model import Pair, PluginMark, Profile, Recipe, SimulatedMark
-from stagectl.recipe.plan import (
-    DwellStep,
-    ExciteStep,
-    ExposeStep,
-    FiducialStep,
-    MarkedStep,
-    MoveStep,
-    SettleStep,
-    plan_from,
-)
+from stagectl.recipe.model import Excite, Pair, Recipe
+from stagectl.recipe.plan import ExposeStep, FiducialStep, MarkedStep, MoveStep, plan_from
+from stagectl.recipe.schema import Dwell, PluginMark, Profile, Settle, SimulatedMark
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -163,17 +155,17 @@ class _Tally:
         match step:
             case MoveStep():
                 self._move(step)
-            case SettleStep():
+            case Settle():
                 self.duration += step.hold
-            case ExciteStep(excitation):
-                self.duration += excitation.duration
+            case Excite():
+                self.duration += step.duration
                 self.moves["excitation"] += 1
-                self.profiles[excitation.axis].add(excitation.profile)
-                for reach in (-excitation.amplitude, excitation.amplitude):
+                self.profiles[step.axis].add(step.profile)
+                for reach in (-step.amplitude, step.amplitude):
                     around = list(self.position)
-                    around[excitation.axis] += reach
+                    around[step.axis] += reach
                     self.positions.append((around[0], around[1]))
-            case ExposeStep() | DwellStep():
+            case ExposeStep() | Dwell():
                 self.duration += step.duration
             case FiducialStep():
                 site = self.recipe.sites[step.site - 1]

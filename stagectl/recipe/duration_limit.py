@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from stagectl.recipe.model import ListedMarks, NoMark, Profile, Recipe, SimulatedMark
-from stagectl.recipe.plan import DwellStep, ExciteStep, ExposeStep, MoveStep, SettleStep, plan
+from stagectl.recipe.model import Excite, ListedMarks, Recipe
+from stagectl.recipe.plan import ExposeStep, MoveStep, plan
+from stagectl.recipe.schema import Dwell, NoMark, Profile, Settle, SimulatedMark
 
 MAX_MOVE: Final = 3600.0
 """Longest move [s]: all its setpoints are computed at once. Nothing is waited for any longer."""
@@ -43,16 +44,13 @@ def why_too_long(recipe: Recipe) -> str | None:
                         f"{least / 3600.0:.3g} h, the limit is {MAX_MOVE / 3600.0:g} h"
                     )
                 total += least
-            case SettleStep():
+            case Settle():
                 total += step.hold
-            case ExciteStep():
-                if step.excitation.duration > MAX_MOVE:
-                    return (
-                        f"an excitation takes {step.excitation.duration:g} s, "
-                        f"the limit is {MAX_MOVE:g} s"
-                    )
-                total += step.excitation.duration
-            case ExposeStep() | DwellStep():
+            case Excite():
+                if step.duration > MAX_MOVE:
+                    return f"an excitation takes {step.duration:g} s, the limit is {MAX_MOVE:g} s"
+                total += step.duration
+            case ExposeStep() | Dwell():
                 total += step.duration
     if total > MAX_RUN:
         return f"takes at least {total / 3600.0:.3g} h, a recording holds {MAX_RUN / 3600.0:g} h"
@@ -74,7 +72,7 @@ def minimum_duration(distance: float, profile: Profile) -> float:
 def _reach(recipe: Recipe) -> float:
     """Longest micro-move onto a mark, per axis [m]."""
     match recipe.fiducial:
-        case SimulatedMark(reach, _):
+        case SimulatedMark(reach):
             return reach
         case ListedMarks(offsets):
             return max((abs(d) for pair in offsets.values() for d in pair), default=0.0)

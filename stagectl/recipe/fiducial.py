@@ -12,14 +12,8 @@ from importlib import metadata
 from typing import Final, Protocol
 
 from stagectl.errors import ConfigError, RunFault
-from stagectl.recipe.model import (
-    FiducialSource,
-    ListedMarks,
-    NoMark,
-    Pair,
-    PluginMark,
-    SimulatedMark,
-)
+from stagectl.recipe.model import FiducialSource, ListedMarks, Pair
+from stagectl.recipe.schema import NoMark, PluginMark, SimulatedMark
 
 ENTRY_POINTS: Final = "stagectl.fiducial"
 

@@ -12,11 +12,11 @@ from stagectl.config import Machine
 from stagectl.config.parsing.validation import sort_problems, validate
 from stagectl.config.parsing.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
-from stagectl.recipe import schema
 from stagectl.recipe.checks import Check
 from stagectl.recipe.duration_limit import MAX_MOVE, why_too_long
-from stagectl.recipe.model import Recipe, Settle, SiteLimits
+from stagectl.recipe.model import Recipe
 from stagectl.recipe.moves import check_path, read_moves
+from stagectl.recipe.schema import RecipeFile, Settle, SiteLimits
 from stagectl.recipe.sites import check_travel, read_fiducial, read_sites
 
 
@@ -40,9 +40,9 @@ def parse_recipe(text: str, name: str, machine: Machine) -> Recipe:
 
 def _recipe(document: Document, machine: Machine) -> Recipe:
     check = Check(document, machine)
-    file = validate(document, schema.RecipeFile)
-    macro = check.read_profile(file.macro, ("macro",))
-    micro = check.read_profile(file.micro, ("micro",))
+    file = validate(document, RecipeFile)
+    check.check_limits(file.macro, ("macro",))
+    check.check_limits(file.micro, ("micro",))
     sites, places = read_sites(check, file.sites)
     fiducial = read_fiducial(check, file.fiducial, len(sites))
     _check_keys(check, file)
@@ -50,13 +50,13 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     if (reason := check.why_never_exceeded(file.settle.window)) is not None:
         check.refuse(("settle", "window"), reason)
     check_travel(check, sites, places, fiducial)
-    moves = read_moves(check, file.moves or [], macro, micro, ("moves",))
+    moves = read_moves(check, file.moves or [], file.macro, file.micro, ("moves",))
     check_path(check, moves)
     if check.problems:
         raise ConfigError(sort_problems(check.problems))
     first, second = machine.axes
     unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
-    if moves and file.limits != schema.SiteLimitsSection():
+    if moves and file.limits != SiteLimits():
         unused.append("limits")
     notes = [f"{key} has no effect with moves" for key in unused]
     if (reason := check.why_never_exceeded(file.limits.peak_error)) is not None:
@@ -64,18 +64,16 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     recipe = Recipe(
         name=file.recipe,
         axes=(first, second),
-        macro=macro,
-        micro=micro,
-        settle=Settle(
-            file.settle.window, file.settle.hold, file.settle.timeout, file.settle.on_timeout
-        ),
+        macro=file.macro,
+        micro=file.micro,
+        settle=file.settle,
         expose=file.expose or 0.0,
         sites=sites,
         fiducial=fiducial,
         moves=moves,
         lot=file.lot,
         wafer=file.wafer,
-        limits=SiteLimits(file.limits.settling, file.limits.peak_error),
+        limits=file.limits,
         text=document.text,
         source=document.name,
         notes=tuple(notes),
@@ -85,7 +83,7 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     return recipe
 
 
-def _check_keys(check: Check, file: schema.RecipeFile) -> None:
+def _check_keys(check: Check, file: RecipeFile) -> None:
     """Check which keys require or exclude each other."""
     if file.sites is None and file.moves is None:
         check.refuse(("sites",), "is missing (or a list of moves instead)")
@@ -97,7 +95,7 @@ def _check_keys(check: Check, file: schema.RecipeFile) -> None:
                 check.refuse((key,), "is missing")
 
 
-def _check_settle(check: Check, settle: schema.SettleSection) -> None:
+def _check_settle(check: Check, settle: Settle) -> None:
     """Refuse a window below the encoder's increment and a hold beyond the timeout."""
     coarse = max(axis.encoder.increment for _, axis in check.axes)
     if settle.window < coarse:

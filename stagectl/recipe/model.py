@@ -1,4 +1,4 @@
-"""A validated recipe as frozen values in SI units, independent of file and machine.
+"""A validated recipe: frozen, independent of file and machine.
 
 `load` makes it; `plan` turns it into steps.
 """
@@ -8,40 +8,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+
+from stagectl.recipe.schema import (
+    Dwell,
+    Kind,
+    NoMark,
+    PluginMark,
+    Profile,
+    Settle,
+    Shape,
+    SimulatedMark,
+    SiteLimits,
+)
 
 Pair = tuple[float, float]
-Kind = Literal["macro", "micro", "creep", "other"]
-Shape = Literal["chirp", "multisine"]
-OnTimeout = Literal["continue", "retry", "stop"]
 
 MAX_STEPS = 100_000
 """Largest number of moves and dwells after repeats are unrolled."""
-
-
-@dataclass(frozen=True, slots=True)
-class Profile:
-    """Limits of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] of a move, per axis."""
-
-    velocity: float
-    acceleration: float
-    jerk: float
-
-
-@dataclass(frozen=True, slots=True)
-class Settle:
-    """When a move counts as settled.
-
-    Attributes:
-        window: half width around the target [m].  hold: time to stay inside [s].
-        timeout: longest wait after the end of the setpoints [s].
-        on_timeout: what to do after the timeout.
-    """
-
-    window: float
-    hold: float
-    timeout: float
-    on_timeout: OnTimeout = "continue"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +44,6 @@ class Reverse:
     axis: int
     kind: Kind
     profile: Profile
-
-
-@dataclass(frozen=True, slots=True)
-class Dwell:
-    """Stay in place for `duration` [s]."""
-
-    duration: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,46 +96,13 @@ def unroll(
 
 
 @dataclass(frozen=True, slots=True)
-class SimulatedMark:
-    """Marks drawn uniformly within +-`range` [m] of each site, per axis, from `seed`."""
-
-    range: float
-    seed: int
-
-
-@dataclass(frozen=True, slots=True)
-class NoMark:
-    """No fiducial, so no micro-move."""
-
-
-@dataclass(frozen=True, slots=True)
 class ListedMarks:
     """Marks from a file: site -> offset from the site [m]; other sites have none."""
 
     offsets: dict[int, Pair]
 
 
-@dataclass(frozen=True, slots=True)
-class PluginMark:
-    """Marks found by a plug-in (entry point group `stagectl.fiducial`)."""
-
-    name: str
-
-
 FiducialSource = SimulatedMark | NoMark | ListedMarks | PluginMark
-
-
-@dataclass(frozen=True, slots=True)
-class SiteLimits:
-    """Limits that decide whether a site passes, by its micro-move; None for no limit.
-
-    Attributes:
-        settling: longest settling time to the settle window [s].
-        peak_error: largest |aligned demand - position| while the setpoint moves [m].
-    """
-
-    settling: float | None = None
-    peak_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

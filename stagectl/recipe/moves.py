@@ -7,16 +7,15 @@ from stagectl.recipe import schema
 from stagectl.recipe.checks import Check, Location, why_outside
 from stagectl.recipe.model import (
     MAX_STEPS,
-    Dwell,
     Excite,
     Move,
-    Profile,
     Repeat,
     Reverse,
     To,
     count_unrolled,
 )
-from stagectl.recipe.plan import ExciteStep, MoveStep, walk
+from stagectl.recipe.plan import MoveStep, walk
+from stagectl.recipe.schema import Dwell, Profile
 
 MOST_BAND = 0.25
 """Highest frequency of an excitation over that of SYNC: straight lines join the setpoints."""
@@ -33,8 +32,8 @@ def read_moves(
     for index, item in enumerate(items):
         here = (*at, index)
         match item:
-            case schema.DwellItem():
-                moves.append(Dwell(item.dwell))
+            case Dwell():
+                moves.append(item)
             case schema.ExciteItem():
                 if (excite := _read_excite(check, item, micro, here)) is not None:
                     moves.append(excite)
@@ -64,8 +63,8 @@ def check_path(check: Check, moves: tuple[Move, ...]) -> None:
         return
     seen: set[tuple[Location, int]] = set()
     for location, position, step in walk(moves, (0.0, 0.0)):
-        if isinstance(step, ExciteStep):
-            k, reach = step.excitation.axis, step.excitation.amplitude
+        if isinstance(step, Excite):
+            k, reach = step.axis, step.amplitude
             name, axis = check.axes[k]
             reason = why_outside(position[k], -reach, reach, axis.travel, "excitation")
             if reason and (location, k) not in seen:

@@ -10,21 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from stagectl.recipe.model import (
-    Dwell,
-    Excite,
-    Excursion,
-    Kind,
-    Move,
-    NoMark,
-    OnTimeout,
-    Pair,
-    Profile,
-    Recipe,
-    Settle,
-    To,
-    unroll,
-)
+from stagectl.recipe.model import Excite, Excursion, Move, Pair, Recipe, To, unroll
+from stagectl.recipe.schema import Dwell, Kind, NoMark, Profile, Settle
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,23 +37,6 @@ class MoveStep:
 
 
 @dataclass(frozen=True, slots=True)
-class ExciteStep:
-    """Shake one axis around the target (`Excite`)."""
-
-    excitation: Excite
-
-
-@dataclass(frozen=True, slots=True)
-class SettleStep:
-    """Wait until both axes stay in `window` [m] for `hold` [s], at most `timeout` [s]."""
-
-    window: float
-    hold: float
-    timeout: float
-    on_timeout: OnTimeout
-
-
-@dataclass(frozen=True, slots=True)
 class FiducialStep:
     """Locate the mark of this site, the target of the next micro-move."""
 
@@ -76,13 +46,6 @@ class FiducialStep:
 @dataclass(frozen=True, slots=True)
 class ExposeStep:
     """Hold still during an exposure of `duration` [s]."""
-
-    duration: float
-
-
-@dataclass(frozen=True, slots=True)
-class DwellStep:
-    """Hold still for `duration` [s]."""
 
     duration: float
 
@@ -100,7 +63,7 @@ class DoneStep:
     site: int | None
 
 
-Step = MoveStep | ExciteStep | SettleStep | FiducialStep | ExposeStep | DwellStep
+Step = MoveStep | Excite | Settle | FiducialStep | ExposeStep | Dwell
 MarkedStep = Step | DoneStep
 
 
@@ -142,7 +105,7 @@ def count_segments(recipe: Recipe) -> int:
 
 def _segments(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
     """Each segment with its start position."""
-    settle = _settle_step(recipe.settle)
+    settle = recipe.settle
     origin = start
     if recipe.moves:
         for _, position, step in walk(recipe.moves, start):
@@ -167,7 +130,7 @@ def _segments(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, .
 
 
 def _excursions(
-    excursions: Sequence[Excursion], site: int | None, place: Pair, settle: SettleStep
+    excursions: Sequence[Excursion], site: int | None, place: Pair, settle: Settle
 ) -> Iterator[Step]:
     """The calibration moves at a place, each followed by settling."""
     for excursion in excursions:
@@ -179,7 +142,7 @@ def _excursions(
 
 def walk(
     moves: tuple[Move, ...], start: Pair
-) -> Iterator[tuple[tuple[str | int, ...], Pair, MoveStep | ExciteStep | DwellStep]]:
+) -> Iterator[tuple[tuple[str | int, ...], Pair, MoveStep | Excite | Dwell]]:
     """A list of moves, unrolled: location in the recipe file, position afterwards [m], step.
 
     An axis that has not moved yet is taken to have moved in the negative direction, so its first
@@ -188,11 +151,9 @@ def walk(
     position = list(start)
     direction = [-1.0, -1.0]
     for location, move in unroll(moves):
-        step: MoveStep | ExciteStep | DwellStep
-        if isinstance(move, Dwell):
-            step = DwellStep(move.duration)
-        elif isinstance(move, Excite):
-            step = ExciteStep(move)
+        step: MoveStep | Excite | Dwell
+        if isinstance(move, Dwell | Excite):
+            step = move
         elif isinstance(move, To):
             for axis, target in enumerate(move.target):
                 if abs(target - position[axis]) >= 1e-9:
@@ -206,7 +167,3 @@ def walk(
             position[move.axis] = round(position[move.axis] + relative[move.axis], 12)
             step = MoveStep(None, move.kind, None, move.profile, (relative[0], relative[1]))
         yield location, (position[0], position[1]), step
-
-
-def _settle_step(settle: Settle) -> SettleStep:
-    return SettleStep(settle.window, settle.hold, settle.timeout, settle.on_timeout)

@@ -1,6 +1,7 @@
-"""The models of a recipe file: its keys (explained in docs/recipe.md) and their values.
+"""The models of a recipe file: its keys (docs/recipe.md) and their values in SI units.
 
-They check each value by itself; `load` checks them against each other and against a machine.
+They check each value by itself; `load` checks them against each other and against a machine. What
+the program uses as it stands in the file is a dataclass.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
+from pydantic.dataclasses import dataclass
 
 from stagectl.config.machine import Label, LengthPair, Name
 from stagectl.config.parsing.units import (
@@ -20,7 +22,7 @@ from stagectl.config.parsing.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.parsing.validation import Section, refusal
+from stagectl.config.parsing.validation import STRICT, Section, refusal
 
 
 def _no_path(name: str) -> str:
@@ -30,26 +32,37 @@ def _no_path(name: str) -> str:
     return name
 
 
+Kind = Literal["macro", "micro", "creep", "other"]
+Shape = Literal["chirp", "multisine"]
+OnTimeout = Literal["continue", "retry", "stop"]
 Count = Annotated[StrictInt, Field(ge=1, le=1000)]
 RecipeName = Annotated[Name, AfterValidator(_no_path)]
 FileName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
 
-class ProfileSection(Section):
-    """`macro` and `micro`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class Profile:
+    """Limits of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] of a move, per axis."""
 
     velocity: PositiveVelocity
     acceleration: PositiveAcceleration
     jerk: PositiveJerk
 
 
-class SettleSection(Section):
-    """`settle`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class Settle:
+    """When a move counts as settled.
+
+    Attributes:
+        window: half width around the target [m].  hold: time to stay inside [s].
+        timeout: longest wait after the end of the setpoints [s].
+        on_timeout: what to do after the timeout.
+    """
 
     window: PositiveLength
     hold: NotNegativeTime
     timeout: PositiveTime
-    on_timeout: Literal["continue", "retry", "stop"] = "continue"
+    on_timeout: OnTimeout = "continue"
 
 
 class Grid(Section):
@@ -96,41 +109,50 @@ Sites = Annotated[
 ]
 
 
-class SimulatedFiducial(Section):
-    """`fiducial: {source: simulated}`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class SimulatedMark:
+    """Marks drawn uniformly within +-`range` [m] of each site, per axis, from `seed`."""
 
-    source: Literal["simulated"]
     range: NotNegativeLength
     seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 0
+    source: Literal["simulated"] = "simulated"
 
 
-class NoFiducial(Section):
-    """`fiducial: {source: none}`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class NoMark:
+    """No fiducial, so no micro-move."""
 
-    source: Literal["none"]
+    source: Literal["none"] = "none"
 
 
-class FileFiducial(Section):
+class FileMarks(Section):
     """`fiducial: {source: offsets}`."""
 
     source: Literal["offsets"]
     file: FileName
 
 
-class PluginFiducial(Section):
-    """`fiducial: {source: plugin}`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class PluginMark:
+    """Marks found by a plug-in (entry point group `stagectl.fiducial`)."""
 
-    source: Literal["plugin"]
     name: Name
+    source: Literal["plugin"] = "plugin"
 
 
 FiducialSection = Annotated[
-    SimulatedFiducial | NoFiducial | FileFiducial | PluginFiducial, Field(discriminator="source")
+    SimulatedMark | NoMark | FileMarks | PluginMark, Field(discriminator="source")
 ]
 
 
-class SiteLimitsSection(Section):
-    """`limits`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class SiteLimits:
+    """Limits that decide whether a site passes, by its micro-move; None for no limit.
+
+    Attributes:
+        settling: longest settling time to the settle window [s].
+        peak_error: largest |aligned demand - position| while the setpoint moves [m].
+    """
 
     settling: PositiveTime | None = None
     peak_error: PositiveLength | None = None
@@ -156,23 +178,24 @@ class ReverseItem(MotionKeys):
 
     reverse: PositiveLength
     axis: str
-    kind: Literal["macro", "micro", "creep", "other"] = "other"
+    kind: Kind = "other"
 
 
 class ExciteItem(MotionKeys):
     """`{excite: axis, shape: ..., amplitude: d, band: [f, f], duration: t}`."""
 
     excite: str
-    shape: Literal["chirp", "multisine"] = "chirp"
+    shape: Shape = "chirp"
     amplitude: PositiveLength
     band: Annotated[list[PositiveFrequency], Field(min_length=2, max_length=2)]
     duration: PositiveTime
 
 
-class DwellItem(Section):
-    """`{dwell: t}`."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class Dwell:
+    """Hold still for `duration` [s]: `{dwell: t}`."""
 
-    dwell: NotNegativeTime
+    duration: Annotated[NotNegativeTime, Field(alias="dwell")]
 
 
 class RepeatItem(Section):
@@ -183,7 +206,7 @@ class RepeatItem(Section):
 
 
 _ITEMS = {
-    "to": "ToItem", "reverse": "ReverseItem", "dwell": "DwellItem", "repeat": "RepeatItem",
+    "to": "ToItem", "reverse": "ReverseItem", "dwell": "Dwell", "repeat": "RepeatItem",
     "excite": "ExciteItem",
 }  # fmt: skip
 
@@ -196,7 +219,7 @@ def _item_tag(value: Any) -> str | None:
 MoveItem = Annotated[
     Annotated[ToItem, Tag("ToItem")]
     | Annotated[ReverseItem, Tag("ReverseItem")]
-    | Annotated[DwellItem, Tag("DwellItem")]
+    | Annotated[Dwell, Tag("Dwell")]
     | Annotated[ExciteItem, Tag("ExciteItem")]
     | Annotated[RepeatItem, Tag("RepeatItem")],
     Discriminator(
@@ -211,16 +234,16 @@ class RecipeFile(Section):
     """A whole recipe file."""
 
     recipe: RecipeName
-    macro: ProfileSection
-    micro: ProfileSection
-    settle: SettleSection
+    macro: Profile
+    micro: Profile
+    settle: Settle
     expose: NotNegativeTime | None = None
     sites: Sites | None = None
     fiducial: FiducialSection | None = None
     moves: Annotated[list[MoveItem], Field(min_length=1)] | None = None
     lot: Label | None = None
     wafer: Label | None = None
-    limits: SiteLimitsSection = SiteLimitsSection()
+    limits: SiteLimits = SiteLimits()
 
 
 RepeatItem.model_rebuild()

@@ -12,14 +12,7 @@ from stagectl.errors import ConfigError
 from stagectl.recipe import schema
 from stagectl.recipe.checks import Check, Location, why_outside
 from stagectl.recipe.fiducial import ENTRY_POINTS
-from stagectl.recipe.model import (
-    FiducialSource,
-    ListedMarks,
-    NoMark,
-    Pair,
-    PluginMark,
-    SimulatedMark,
-)
+from stagectl.recipe.model import FiducialSource, ListedMarks, Pair
 from stagectl.recipe.tables import read_offsets
 from stagectl.recipe.tables import read_sites as read_site_table
 
@@ -54,32 +47,30 @@ def read_sites(check: Check, sites: object) -> tuple[tuple[Pair, ...], list[Plac
     return (), []
 
 
-def read_fiducial(check: Check, section: object, sites: int) -> FiducialSource:
+def read_fiducial(
+    check: Check, section: schema.FiducialSection | None, sites: int
+) -> FiducialSource:
     """The source of the marks. Reads files and looks up plug-ins."""
     match section:
-        case schema.SimulatedFiducial():
-            return SimulatedMark(section.range, section.seed)
-        case schema.FileFiducial():
+        case schema.FileMarks():
             try:
                 rows = read_offsets(Path(check.document.name).parent / section.file)
             except ConfigError as error:
                 check.problems += _table_problems(check, ("fiducial", "file"), error)
-                return NoMark()
+                return schema.NoMark()
             check.problems += [
                 row.problem(f"site {row.site} is not in the recipe, which has {sites}")
                 for row in rows
                 if sites and row.site is not None and row.site > sites
             ]
             return ListedMarks({row.site: row.pair for row in rows if row.site is not None})
-        case schema.PluginFiducial():
+        case schema.PluginMark():
             known = sorted(metadata.entry_points(group=ENTRY_POINTS).names)
             if section.name not in known:
                 reason = f"no plug-in '{section.name}' is installed"
                 reason += suggest(section.name, known)
                 check.refuse(("fiducial", "name"), reason)
-            return PluginMark(section.name)
-        case _:
-            return NoMark()
+    return section or schema.NoMark()
 
 
 def check_travel(
@@ -89,7 +80,7 @@ def check_travel(
     reasons: dict[int, list[str]] = {}
     for index, site in enumerate(sites):
         low = high = (0.0, 0.0)
-        if isinstance(fiducial, SimulatedMark):
+        if isinstance(fiducial, schema.SimulatedMark):
             low, high = (-fiducial.range,) * 2, (fiducial.range,) * 2
         elif isinstance(fiducial, ListedMarks):
             offset = fiducial.offsets.get(index + 1, (0.0, 0.0))

@@ -14,15 +14,14 @@ from estimation.trajectory import Limits
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe import (
     DoneStep,
-    DwellStep,
+    Dwell,
     Excite,
-    ExciteStep,
     ExposeStep,
     Fiducial,
     FiducialStep,
     MarkedStep,
     MoveStep,
-    SettleStep,
+    Settle,
 )
 from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.events import (
@@ -157,9 +156,9 @@ class Engine:
         match step:
             case MoveStep():
                 self._move(step)
-            case ExciteStep():
-                self._excite(step.excitation)
-            case SettleStep():
+            case Excite():
+                self._excite(step)
+            case Settle():
                 self._settle(step)
             case FiducialStep():
                 self._find_mark(step.site)
@@ -167,7 +166,7 @@ class Engine:
                 self._on_event(Waiting(self._site, "exposing", step.duration))
                 self._hold(step.duration)
                 self._on_event(Exposed(self._site))
-            case DwellStep():
+            case Dwell():
                 self._on_event(Waiting(self._site, "dwelling", step.duration))
                 self._hold(step.duration)
             case DoneStep():
@@ -219,7 +218,7 @@ class Engine:
         self._mark = None if found is None else (x + found[0], y + found[1])
         self._on_event(MarkNotFound(site) if found is None else MarkFound(site, found))
 
-    def _settle(self, step: SettleStep) -> None:
+    def _settle(self, step: Settle) -> None:
         """Wait until the last move has settled; without a move (no mark) there is nothing to do."""
         move = self._mover.move
         if move is None:
@@ -239,7 +238,7 @@ class Engine:
             f"{attempts * step.timeout * 1e3:g} ms (on_timeout: {step.on_timeout})"
         )
 
-    def _wait(self, step: SettleStep) -> tuple[float, bool]:
+    def _wait(self, step: Settle) -> tuple[float, bool]:
         """Hold until all axes have stayed in the window; time waited [s], and whether they have."""
         window, targets = step.window, tuple(self._mover.target.tolist())
         needed = max(1, round(step.hold / self._period))

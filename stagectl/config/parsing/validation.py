@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from stagectl.config.parsing.yaml_nodes import Document, describe_value
@@ -30,12 +31,16 @@ KINDS = {
 """A key that only this kind of file has."""
 
 M = TypeVar("M", bound=BaseModel)
+_UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""Of a section that is a pydantic dataclass, since the program makes such values too."""
 
 
 class Section(BaseModel):
-    """Base of all models of files: frozen, without unknown keys."""
+    """Base of the other models of files: frozen, without unknown keys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(**STRICT, frozen=True)
 
 
 def refusal(reason: str) -> PydanticCustomError:
@@ -102,14 +107,14 @@ def _without_misspelt(model: type[BaseModel], errors: list[ErrorDetails]) -> lis
     """The errors, but not that a key is missing if it is there misspelt."""
     misspelt = {
         (*location[:-1], _nearest(str(location[-1]), _known_keys(model, location[:-1])))
-        for location in (e["loc"] for e in errors if e["type"] == "extra_forbidden")
+        for location in (e["loc"] for e in errors if e["type"] in _UNKNOWN_KEY)
     }
     return [e for e in errors if e["type"] != "missing" or e["loc"] not in misspelt]
 
 
 def _line(document: Document, model: type[BaseModel], error: ErrorDetails) -> str:
     location, kind = error["loc"], error["type"]
-    if kind == "extra_forbidden":
+    if kind in _UNKNOWN_KEY:
         word = str(location[-1])
         reason = f"unknown key{suggest(word, _known_keys(model, location[:-1]))}"
         return document.problem(location, reason, at_key=True)
@@ -135,7 +140,9 @@ def _reason(error: ErrorDetails) -> str:
             return "is missing"
         case "quantity" | "reason":
             return str(ctx.get("reason", error["msg"]))
-        case "model_type" | "model_attributes_type" | "dict_type" | "mapping_type":
+        case (
+            "model_type" | "model_attributes_type" | "dataclass_type" | "dict_type" | "mapping_type"
+        ):
             return f"must be a mapping (key: value), {is_what}"
         case "list_type" | "tuple_type":
             return f"must be a list, {is_what}"
@@ -166,9 +173,9 @@ def _reason(error: ErrorDetails) -> str:
             return one_line(f"{error['msg']}, {is_what}", 300)
 
 
-def _known_keys(model: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+def _known_keys(model: type, location: tuple[str | int, ...]) -> list[str]:
     """The keys of the model at a location; those of all members of a union."""
-    models: set[type[BaseModel]] = {model}
+    models = {model}
     for part in location:
         inner = {m for one in models for m in _models_in(_annotation(one, part))}
         # List indices, keys of mappings and tags of unions are not fields and do not descend;
@@ -177,27 +184,32 @@ def _known_keys(model: type[BaseModel], location: tuple[str | int, ...]) -> list
     return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _keys(one)))
 
 
-def _has_tag(model: type[BaseModel], part: str | int) -> bool:
+def _has_tag(model: type, part: str | int) -> bool:
     """Whether this is the model's tag in a union: its name or its only literal value."""
     return part == model.__name__ or any(
         get_origin(f.annotation) is Literal and get_args(f.annotation) == (part,)
-        for f in model.model_fields.values()
+        for f in _fields(model).values()
     )
 
 
-def _keys(model: type[BaseModel]) -> list[str]:
-    return [f.alias or name for name, f in model.model_fields.items()]
+def _fields(model: type) -> dict[str, FieldInfo]:
+    fields: dict[str, FieldInfo] = model.__pydantic_fields__  # type: ignore[attr-defined]
+    return fields
 
 
-def _annotation(model: type[BaseModel], key: str | int) -> Any:
-    for name, f in model.model_fields.items():
+def _keys(model: type) -> list[str]:
+    return [f.alias or name for name, f in _fields(model).items()]
+
+
+def _annotation(model: type, key: str | int) -> Any:
+    for name, f in _fields(model).items():
         if key == (f.alias or name):
             return f.annotation
     return None
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def _models_in(annotation: Any) -> Iterator[type]:
+    if isinstance(annotation, type) and hasattr(annotation, "__pydantic_fields__"):
         yield annotation
     for argument in get_args(annotation):
         yield from _models_in(argument)

@@ -7,7 +7,8 @@ import pytest
 from stagectl.errors import ConfigError, RunFault
 from stagectl.recipe import NoMark, make_fiducial
 from stagectl.recipe.fiducial import Plugin
-from stagectl.recipe.model import ListedMarks, PluginMark, SimulatedMark
+from stagectl.recipe.model import ListedMarks
+from stagectl.recipe.schema import PluginMark, SimulatedMark
 
 
 def test_simulated_marks_depend_on_seed_and_site_only() -> None:

@@ -10,7 +10,7 @@ import pytest
 from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import Profile, Recipe, load_recipe
-from stagectl.recipe.model import SimulatedMark
+from stagectl.recipe.schema import SimulatedMark
 
 Problems = Callable[..., tuple[str, ...]]
 RecipeOf = Callable[[str], Recipe]

@@ -1,6 +1,7 @@
 """Lists of moves, unrolled."""
 
-from stagectl.recipe.model import Dwell, Repeat, count_unrolled, unroll
+from stagectl.recipe.model import Repeat, count_unrolled, unroll
+from stagectl.recipe.schema import Dwell
 
 NESTED = (
     Dwell(1.0),

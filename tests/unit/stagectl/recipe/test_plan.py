@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from stagectl.recipe import (
-    DwellStep,
+    Dwell,
     ExposeStep,
     FiducialStep,
     MoveStep,
     Profile,
     Recipe,
-    SettleStep,
+    Settle,
     plan,
 )
 
@@ -22,7 +22,7 @@ micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
 settle: {window: 50 nm, hold: 5 ms, timeout: 0.15, on_timeout: retry}
 """
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
-SETTLE = SettleStep(5e-8, 5e-3, 0.15, "retry")
+SETTLE = Settle(5e-8, 5e-3, 0.15, "retry")
 
 
 def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of: RecipeOf) -> None:
@@ -68,7 +68,7 @@ def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of: Recipe
         SETTLE,
         MoveStep(None, "micro", (0.02, 0.0), Profile(0.005, 0.2, 20.0)),
         SETTLE,
-        DwellStep(0.1),
+        Dwell(0.1),
         MoveStep(None, "creep", (0.0, 0.0), Profile(0.001, 0.2, 1.0)),
     )
 
@@ -94,4 +94,4 @@ def test_a_first_reverse_goes_in_the_positive_direction_and_repeats_alternate(
         HEAD + "moves: [{repeat: 2, moves: [{repeat: 2, moves: [{reverse: 10 um, axis: y}]}]}]\n"
     )
     assert relatives(recipe) == [(0.0, 1e-5), (0.0, -1e-5), (0.0, 1e-5), (0.0, -1e-5)]
-    assert not any(isinstance(step, SettleStep) for step in plan(recipe))
+    assert not any(isinstance(step, Settle) for step in plan(recipe))

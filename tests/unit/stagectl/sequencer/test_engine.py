@@ -10,14 +10,13 @@ from hil_sim.plant import Plant
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe import (
-    DwellStep,
+    Dwell,
     Excite,
-    ExciteStep,
     ExposeStep,
     FiducialStep,
     MoveStep,
     Profile,
-    SettleStep,
+    Settle,
 )
 from stagectl.sequencer import (
     Engine,
@@ -37,7 +36,7 @@ from stagedata import Move, Samples
 
 TS = 1e-3
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
-SETTLE = SettleStep(5e-8, 0.005, 0.15, "continue")
+SETTLE = Settle(5e-8, 0.005, 0.15, "continue")
 
 
 class BareStage:
@@ -173,21 +172,17 @@ def test_settles_as_soon_as_the_window_is_held():
 
 
 def test_a_timeout_continues_stops_or_retries_as_the_recipe_says():
-    never = SettleStep(1e-10, 0.05, 0.03, "continue")
+    never = Settle(1e-10, 0.05, 0.03, "continue")
     engine, _, _, events = make(Mode.NONE)
     engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), never])
     assert [e.settled for e in events if isinstance(e, Settled)] == [False]
     engine, _, _, events = make(Mode.NONE)
     with pytest.raises(RunFault, match="site 1: macro-move did not settle"):
-        engine.run(
-            [MoveStep(1, "macro", (0.01, 0.0), MACRO), SettleStep(1e-10, 0.05, 0.03, "stop")]
-        )
+        engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), Settle(1e-10, 0.05, 0.03, "stop")])
     assert isinstance(events[-1], Stopping)
     engine, _, _, events = make(Mode.NONE)
     with pytest.raises(RunFault, match="retry"):
-        engine.run(
-            [MoveStep(1, "macro", (0.01, 0.0), MACRO), SettleStep(1e-10, 0.05, 0.03, "retry")]
-        )
+        engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), Settle(1e-10, 0.05, 0.03, "retry")])
     assert sum(isinstance(e, Settled) for e in events) == 4
 
 
@@ -223,7 +218,7 @@ def test_a_stop_while_an_axis_is_shaken_decelerates_within_the_limits():
     excitation = Excite(0, "chirp", 5e-4, (2.0, 50.0), 4.0, MACRO)
     stage.at_sample[2220] = lambda: engine.stop("by test")
     with pytest.raises(Aborted, match="by test"):
-        engine.run([ExciteStep(excitation)])
+        engine.run([excitation])
     assert len(stage.demands) < 2500
     path = np.array(stage.demands)[:, 0]
     assert np.abs(np.diff(path, 2)).max() / TS**2 < 10.0 * 1.01
@@ -245,7 +240,7 @@ def test_moves_can_be_relative_with_dwells_between():
     engine.run(
         [
             MoveStep(None, "creep", (1e-3, 0.0), Profile(0.005, 0.5, 50.0)),
-            DwellStep(0.05),
+            Dwell(0.05),
             MoveStep(None, "other", None, MICRO, (-1e-4, 0.0)),
         ]
     )
