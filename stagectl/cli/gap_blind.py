@@ -93,13 +93,7 @@ def blind(
     }  # fmt: skip
     console = console_for(json_out)
     everything = _read(lines)
-    outcomes = {
-        outcome.number: outcome
-        for line, outcome in everything
-        if all(line.get(key) == value for key, value in about.items())
-        and (outcome.seed, outcome.leave_out) == (seed, leave_out)
-        and outcome.number < trials
-    }
+    outcomes = _earlier(everything, about, setup, trials)
     try:
         for number in range(trials):
             if number in outcomes:
@@ -161,6 +155,19 @@ def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise UnusableInput(f"{lines}:{number}: is not a blind trial") from error
     return found
+
+
+def _earlier(
+    lines: list[tuple[dict[str, Any], Outcome]], about: dict[str, Any], setup: Setup, trials: int
+) -> dict[int, Outcome]:
+    """Outcomes of this check that the lines hold already, by number."""
+    return {
+        outcome.number: outcome
+        for line, outcome in lines
+        if all(line.get(key) == value for key, value in about.items())
+        and (outcome.seed, outcome.leave_out) == (setup.seed, setup.leave_out)
+        and outcome.number < trials
+    }
 
 
 def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcome:

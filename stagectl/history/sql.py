@@ -250,9 +250,6 @@ class History(SqlRuns):
             e.level, *measured, e.temperature, e.number,
         )  # fmt: skip
 
-    def _stage_number(self, stage: StageKey) -> int:
-        return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))
-
 
 def _estimate(row: Sequence[Any]) -> EstimateRecord:
     shown = None

@@ -27,9 +27,7 @@ class SqlMaps:
     def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
         """Save a new version of the stage's map; returns its number."""
         with self._database.transaction():
-            owner = self._id(
-                "stage", ("machine", "simulated"), (stage.machine, int(stage.simulated))
-            )
+            owner = self._stage_number(stage)
             rows = self._database.execute(
                 "INSERT INTO friction_map (stage, number, made, comment, content) VALUES (?, "
                 "(SELECT coalesce(max(number), 0) + 1 FROM friction_map WHERE stage = ?), "
@@ -65,9 +63,7 @@ class SqlMaps:
         if number is not None and number not in {m.number for m in self.maps(stage)}:
             raise ValueError(f"there is no map {number} of {stage}")
         with self._database.transaction():
-            owner = self._id(
-                "stage", ("machine", "simulated"), (stage.machine, int(stage.simulated))
-            )
+            owner = self._stage_number(stage)
             self._database.execute(
                 "INSERT INTO activation (stage, number, time, reason) VALUES (?, ?, ?, ?)",
                 (owner, number, time, reason),
@@ -85,6 +81,9 @@ class SqlMaps:
             Activation(None if n is None else int(n), date(time), text(reason, "reason"))
             for n, time, reason in rows
         ]
+
+    def _stage_number(self, stage: StageKey) -> int:
+        return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))
 
     def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
         """Number of the row with these values, inserted if necessary."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,6 +23,17 @@ FAR = 1e18  # beyond any time [s]; the databases have no common infinity
 _ACCEPTED, _MEASURED = "e.accepted = 1", "e.measured IS NOT NULL"  # as in the indices
 _TREND = "e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run"
 _LEVEL = "e.time, e.measured, e.measured_sigma"
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Which rows of a series: see `SqlSeries.trend`; `after` compares with `since`."""
+
+    after: Literal[">", ">="]
+    since: float
+    until: float
+    last: int | None
+    apart: float
 
 
 class SqlSeries(SqlMaps):
@@ -80,7 +92,7 @@ class SqlSeries(SqlMaps):
             return _trend([])
         key = (int(numbers[0][0]), axis)
         # An estimate written just now may be at `since`, not after it.
-        return _trend(self._series(_TREND, _ACCEPTED, key, ">=", since, until, last, apart))
+        return _trend(self._series(_TREND, _ACCEPTED, key, _Part(">=", since, until, last, apart)))
 
     @reads
     def measurements(
@@ -116,23 +128,22 @@ class SqlSeries(SqlMaps):
             "ORDER BY p.id, a.axis",
             mine,
         )
+        part = _Part(">", since, until, each, apart)
         found = [
             _measurement(axis, x, y, *row)
             for number, axis, x, y in keys
-            for row in self._series(
-                _LEVEL, _MEASURED, (number, axis), ">", since, until, each, apart
-            )
+            for row in self._series(_LEVEL, _MEASURED, (number, axis), part)
         ]
         return sorted(found, key=lambda entry: entry.time)
 
     def _series(
-        self, columns: str, which: str, key: tuple[int, str], after: str, since: float,
-        until: float, last: int | None, apart: float,
-    ) -> list[tuple[Any, ...]]:  # fmt: skip
-        """The last rows of one place and axis, in order of time."""
+        self, columns: str, which: str, key: tuple[int, str], part: _Part
+    ) -> list[tuple[Any, ...]]:
+        """Part of the rows of one place and axis, in order of time."""
         mine = f"e.place = ? AND e.axis = ? AND {which}"
-        within = (max(since, -FAR), min(until, FAR))
-        if not apart:
+        after, last = part.after, part.last
+        within = (max(part.since, -FAR), min(part.until, FAR))
+        if not part.apart:
             limit = "" if last is None else f" DESC LIMIT {int(last)}"
             rows = self._database.execute(
                 f"SELECT {columns} FROM estimate e WHERE {mine} "  # noqa: S608
@@ -151,7 +162,7 @@ class SqlSeries(SqlMaps):
             "WHERE n < ? AND back.time IS NOT NULL) "
             f"SELECT {columns} FROM back JOIN estimate e ON {mine} AND e.time = back.time "
             "ORDER BY e.time",
-            (*key, *within, *key, within[0], apart, last or 1_000_000, *key),
+            (*key, *within, *key, within[0], part.apart, last or 1_000_000, *key),
         )
 
 
