@@ -2,7 +2,7 @@
 
 For each SYNC k it holds the setpoint pair sent (0x607A, 0x60B2) and the actual values sampled
 (0x6064, 0x6077, 0x6041), in SI units, on the timing of docs/reference-stage.md. Files are read and
-written by `stagectl.store.recording`. Homing and jogging are not part of the samples.
+written by `stagectl.store`. Homing and jogging are not part of the samples.
 """
 
 from __future__ import annotations

@@ -7,7 +7,13 @@ from hil_sim.plant.inverse import force_along, force_variants
 from hil_sim.plant.mechanics import advance, command
 from hil_sim.plant.motor import Motor
 from hil_sim.plant.ports.port_arrays import build_ports
-from hil_sim.plant.simulate import Response, needs_all_axes, simulate, simulate_variants
+from hil_sim.plant.simulate import (
+    Response,
+    Simulation,
+    needs_all_axes,
+    simulate,
+    simulate_variants,
+)
 from hil_sim.plant.stepped import Plant, warm_up
 
 __all__ = [
@@ -15,6 +21,7 @@ __all__ = [
     "Motor",
     "Plant",
     "Response",
+    "Simulation",
     "advance",
     "build_ports",
     "command",

@@ -75,33 +75,78 @@ def simulate(
             f"demand and offset must both have shape (K, {count}), "
             f"have {demand.shape} and {offset.shape}"
         )
-    position = np.empty_like(demand)
-    force = np.empty_like(demand)
     if len(demand) == 0:
-        return Response(position, force)
+        return Response(np.empty_like(demand), np.empty_like(demand))
     if level is not None and level.shape != demand.shape:
         raise ValueError(f"level must have shape {demand.shape}, has {level.shape}")
-    arrays = Arrays(
-        settings, demand[0].tolist(), len(demand) * settings.sync_period, substeps, level
-    )
-    for name in ("offset", "from_force", "to_force"):
-        arrays.loop[name] = offset[0]
-    arrays.loop["powered"] = True
-    for a, held in enumerate(() if rest_force is None else rest_force):
-        if held != 0.0:  # at 0 friction holds nothing, even if effects pull
-            arrays.balance(a, held, settings.axes[a])
-    noise = Noise(count, seed)
-    arrays.state["wander"] = noise.draw_initial_wander(settings)
-    unit = np.array([rounded * a.control.rated_force / 1000.0 for a in settings.axes])
-    for first in range(0, len(demand), _BLOCK):  # the noise of all of it would not fit into memory
-        block = slice(first, first + _BLOCK)
-        run_demands(
-            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
-            arrays.shares, arrays.arena, settings.control_period, substeps, settings.ticks,
-            noise.draw(0 if seed is None else len(demand[block]) * settings.ticks), demand[block],
-            offset[block], unit, position[block], force[block],
-        )  # fmt: skip
-    return Response(position, force)
+    duration = len(demand) * settings.sync_period
+    running = Simulation(
+        settings, demand[0], offset[0], seed, rest_force, duration=duration, level=level,
+        substeps=substeps, rounded=rounded,
+    )  # fmt: skip
+    return running.run(demand, offset)
+
+
+class Simulation:
+    """The closed loop of a stage from rest at the first target, simulated part after part.
+
+    Args:
+        settings: of the stage.
+        demand, offset: of the first SYNC, float64[axes] [m, N].
+        seed, rest_force, substeps, rounded: as of `simulate`.
+        duration: of all parts together [s]; None: without end.
+        level: as of `simulate`, for all parts together.
+
+    Raises:
+        ValueError: effects are impossible.
+    """
+
+    def __init__(
+        self,
+        settings: StageSettings,
+        demand: F64,
+        offset: F64,
+        seed: int | None,
+        rest_force: Sequence[float] | None = None,
+        *,
+        duration: float | None = None,
+        level: F64 | None = None,
+        substeps: int = SUBSTEPS,
+        rounded: bool = True,
+    ) -> None:
+        count = len(settings.axes)
+        self._settings, self._substeps, self._is_noisy = settings, substeps, seed is not None
+        self._arrays = arrays = Arrays(settings, demand.tolist(), duration, substeps, level)
+        for name in ("offset", "from_force", "to_force"):
+            arrays.loop[name] = offset
+        arrays.loop["powered"] = True
+        for a, held in enumerate(() if rest_force is None else rest_force):
+            if held != 0.0:  # at 0 friction holds nothing, even if effects pull
+                arrays.balance(a, held, settings.axes[a])
+        self._noise = Noise(count, seed)
+        arrays.state["wander"] = self._noise.draw_initial_wander(settings)
+        units = [rounded * a.control.rated_force / 1000.0 for a in settings.axes]
+        self._unit = np.array(units)
+
+    def run(self, demand: F64, offset: F64) -> Response:
+        """What the drives report at the next P SYNCs.
+
+        Args:
+            demand: target positions, float64[P, axes], C-contiguous [m].
+            offset: force offsets, likewise [N].
+        """
+        arrays, ticks = self._arrays, self._settings.ticks
+        position, force = np.empty_like(demand), np.empty_like(demand)
+        for first in range(0, len(demand), _BLOCK):  # noise of all of it would not fit into memory
+            block = slice(first, first + _BLOCK)
+            run_demands(
+                arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
+                arrays.slipping, arrays.shares, arrays.arena, self._settings.control_period,
+                self._substeps, ticks,
+                self._noise.draw(len(demand[block]) * ticks if self._is_noisy else 0),
+                demand[block], offset[block], self._unit, position[block], force[block],
+            )  # fmt: skip
+        return Response(position, force)
 
 
 def needs_all_axes(settings: StageSettings) -> bool:

@@ -22,10 +22,8 @@ from sim2real.findings import GapReport
 from sim2real.gap import (
     combined_gap,
     compare_with_model,
-    estimate_floor,
     gap_closed,
     measure_gap,
-    prepare_replay,
 )
 from sim2real.tracking import require_presliding
 from stagedata import Recording
@@ -115,8 +113,8 @@ def _gap_measure(setup: Setup, demands: Demands) -> Callable[[StageSettings], fl
     """A function that returns a stage's combined noise-free gap on these moves, over the floor."""
     settings = setup.settings
     blank = record_stage(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
-    below = estimate_floor(prepare_replay(blank, settings), settings, _FLOOR_DRAWS)
-    floors = np.array([list(below.rms[a.name].values()) for a in settings.axes])
+    below = measure_gap(blank, settings, _FLOOR_DRAWS)
+    floors = np.array([[f.floor for f in below[a.name].values()] for a in settings.axes])
     plain = simulate(
         settings, demands.position, demands.offset, None, substeps=settings.quick_substeps
     )

@@ -5,11 +5,12 @@ friction wander alone would leave, `measure` computes the gap from both, and `lo
 conditions of motion that hold most of it. Nothing is fitted here.
 """
 
-from sim2real.gap.floor import PERFECT_MODEL, Floor, check_repeats, estimate_floor
+from sim2real.gap.floor import DRAWS, PERFECT_MODEL, Floor
 from sim2real.gap.location import Located, locate_gap
 from sim2real.gap.measure import (
     NO_GAP_BELOW,
     Gap,
+    GapMeter,
     Measured,
     combined_floors,
     combined_gap,
@@ -30,20 +31,20 @@ from sim2real.gap.replay import (
 from sim2real.gap.sync_grid import match_periods, number_periods
 
 __all__ = [
+    "DRAWS",
     "NO_GAP_BELOW",
     "PERFECT_MODEL",
     "Floor",
     "Gap",
+    "GapMeter",
     "Located",
     "Measured",
     "Replay",
     "Signals",
-    "check_repeats",
     "coarse_steps",
     "combined_floors",
     "combined_gap",
     "compare_with_model",
-    "estimate_floor",
     "gap_closed",
     "locate_gap",
     "match_periods",

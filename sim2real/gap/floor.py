@@ -8,15 +8,15 @@ scatter between repetitions, an independent estimate. Definitions: docs/formats/
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.gap.replay import Replay, Signals, rms, subtract_signals
+from sim2real.gap.replay import Replay, Signals, subtract_signals
 from sim2real.phases import group_repeated_moves, split_moves
-from stagedata import FloatArray, Recording
+from stagedata import FloatArray
 
 DRAWS = 4
 _SEED = 1
@@ -59,90 +59,108 @@ class Floor:
     rms: dict[str, dict[str, float]]
 
 
-def estimate_floor(
-    replay: Replay,
-    settings: StageSettings,
-    draws: int = DRAWS,
-    progress: Callable[[int, int], object] | None = None,
-) -> Floor:
-    """The floor of a model over a recording's demands.
+class ModelRuns:
+    """The noise-free run of a model and its noisy draws, along the blocks of a recording.
 
     Args:
-        replay: of the recording.
+        replay: of the first block.
         settings: of the model.
         draws: number of noisy draws, at least one.
-        progress: called with (simulations done, all simulations).
     """
 
-    def run(done: int, seed: int | None) -> Signals:
-        signals = replay.run(settings, seed)
-        if seed is not None:
-            signals = replay.as_logged(signals)
-        if progress is not None:
-            progress(done, draws + 1)
-        return signals
+    def __init__(self, replay: Replay, settings: StageSettings, draws: int) -> None:
+        self._nominal = replay.simulation(settings, None)
+        self._noisy = [replay.simulation(settings, _SEED + i) for i in range(draws)]
 
-    nominal = run(1, None)
-    noisy = tuple(subtract_signals(run(2 + i, _SEED + i), nominal) for i in range(draws))
-    return Floor(
-        nominal,
-        noisy,
-        {
-            name: {
-                signal: float(
-                    np.mean([rms(draw[name][signal], replay.valid(name)) for draw in noisy])
-                )
-                for signal in signals
-            }
-            for name, signals in nominal.items()
-        },
-    )
+    def along(
+        self, replay: Replay, progress: Callable[[], object]
+    ) -> tuple[Signals, tuple[Signals, ...]]:
+        """The noise-free signals along the next block, and each draw's noisy ones minus those.
+
+        Args:
+            replay: of the block.
+            progress: called after each run.
+        """
+        nominal = replay.go_on(self._nominal)
+        progress()
+        noisy = []
+        for draw in self._noisy:
+            logged = replay.as_logged(replay.go_on(draw))
+            noisy.append(subtract_signals(logged, nominal))
+            progress()
+        return nominal, tuple(noisy)
 
 
-def check_repeats(
-    recording: Recording, period: float, gap: Signals, draws: tuple[Signals, ...]
-) -> dict[str, dict[str, RepeatCheck]]:
-    """Scatter between repeated moves, of the recording and of the model's noisy draws.
+class MeanSquares:
+    """Mean squares of a residual and of the model's noisy draws, added up block by block."""
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[str, str], tuple[FloatArray, float]] = {}
+
+    def add(self, axis: str, signal: str, energy: Sequence[float], samples: float) -> None:
+        """Add sums of squares over this number of samples: of the residual, then of each draw."""
+        before, counted = self._sums.get((axis, signal), (np.zeros(len(energy)), 0.0))
+        self._sums[axis, signal] = before + energy, counted + samples
+
+    def rms(self, axis: str, signal: str) -> tuple[float, float]:
+        """Root mean square of the residual, and that of a draw, averaged over the draws [m or N].
+
+        Infinite where it overflows.
+        """
+        energy, samples = self._sums[axis, signal]
+        roots = np.sqrt(energy / samples)
+        return float(roots[0]), float(np.mean(roots[1:]))
+
+
+class RepeatScatter:
+    """Scatter between repeated moves, of a recording and of the model's noisy draws.
 
     The model's prediction is subtracted first, so that repetitions which start from another
-    friction state do not count as scatter.
-
-    Args:
-        recording: with moves that repeat one another.
-        period: of the samples [s].
-        gap: recorded minus simulated.
-        draws: noisy minus noise-free runs of the model.
-
-    Returns:
-        Axis -> signal -> check; empty where no move repeats another.
+    friction state do not count as scatter. Moves are compared within a block.
     """
-    found = split_moves(recording, period)
-    groups = group_repeated_moves(recording, found)
-    if not groups:
-        return {}
-    lengths = [min(found[i].stop - found[i].moving for i in group) for group in groups]
-    cuts = [
-        np.array([np.arange(found[i].moving, found[i].moving + length) for i in group])
-        for group, length in zip(groups, lengths, strict=True)
-    ]
 
-    def scatter(values: FloatArray) -> float:
-        energy = samples = 0.0
-        for cut in cuts:
-            each = values[cut]
-            energy += float(np.square(each - each.mean(axis=0)).sum())
-            samples += each.size - each.shape[1]
-        return float(np.sqrt(energy / samples))
+    def __init__(self) -> None:
+        self._squares = MeanSquares()
+        self._moves = 0
 
-    moves = sum(len(group) for group in groups)
-    return {
-        name: {
-            signal: RepeatCheck(
-                scatter(values),
-                float(np.mean([scatter(draw[name][signal]) for draw in draws])),
-                moves,
-            )
-            for signal, values in signals.items()
+    def add(self, replay: Replay, residual: Signals, draws: tuple[Signals, ...]) -> None:
+        """Add a block.
+
+        Args:
+            replay: of the block.
+            residual: recorded minus simulated.
+            draws: noisy minus noise-free runs of the model.
+        """
+        found = split_moves(replay.recording, replay.period)
+        groups = group_repeated_moves(replay.recording, found)
+        self._moves += sum(len(group) for group in groups)
+        lengths = [min(found[i].stop - found[i].moving for i in group) for group in groups]
+        cuts = [
+            np.array([np.arange(found[i].moving, found[i].moving + length) for i in group])
+            for group, length in zip(groups, lengths, strict=True)
+        ]
+        samples = float(sum(cut.size - cut.shape[1] for cut in cuts))
+
+        def energy(values: FloatArray) -> float:
+            each = [values[cut] for cut in cuts]
+            return sum(float(np.square(e - e.mean(axis=0)).sum()) for e in each)
+
+        if not groups:
+            return
+        for name, signals in residual.items():
+            for signal, values in signals.items():
+                every = (values, *(draw[name][signal] for draw in draws))
+                self._squares.add(name, signal, [energy(v) for v in every], samples)
+
+    def checks(self, signals: Mapping[str, Iterable[str]]) -> dict[str, dict[str, RepeatCheck]]:
+        """Axis -> signal -> check; empty where no move repeats another.
+
+        Args:
+            signals: axis -> names of its signals.
+        """
+        if not self._moves:
+            return {}
+        return {
+            axis: {name: RepeatCheck(*self._squares.rms(axis, name), self._moves) for name in names}
+            for axis, names in signals.items()
         }
-        for name, signals in gap.items()
-    }

@@ -2,8 +2,8 @@
 
 The closed loop of the model is simulated with the recording's demands and offsets, without noise
 but with roundings. The gap of a signal is the rms of recorded minus simulated over valid samples,
-in m or N. The combined gap is G^2, the sum over axes and signals of (gap/floor)^2. Definitions:
-docs/formats/gap-report.md.
+in m or N. The combined gap is G^2, the sum over axes and signals of (gap/floor)^2. `GapMeter` takes
+a recording of any length in blocks. Definitions: docs/formats/gap-report.md.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from hil_sim.settings import StageSettings
 from sim2real.axis_units import unit_on
 from sim2real.findings import SIGNALS, GapFigures
-from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, estimate_floor
-from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
+from sim2real.gap.floor import DRAWS, Floor, MeanSquares, ModelRuns, RepeatCheck, RepeatScatter
+from sim2real.gap.replay import BlockEnd, Replay, Signals, prepare_replay, subtract_signals
 from stagedata import Recording
 
 Gap = dict[str, dict[str, GapFigures]]
@@ -45,6 +47,81 @@ class Measured:
     repeats: dict[str, dict[str, RepeatCheck]]
 
 
+class GapMeter:
+    """The gap of a model against a recording, added up block by block.
+
+    Memory is that of one block, about 0.3 kB per sample.
+
+    Args:
+        settings: of the model; its axes must be those of the recording.
+        draws: noisy draws for the floor.
+        progress: called with (simulations done, all simulations).
+        blocks: how many there will be.
+    """
+
+    def __init__(
+        self,
+        settings: StageSettings,
+        draws: int = DRAWS,
+        progress: Callable[[int, int], object] | None = None,
+        blocks: int = 1,
+    ) -> None:
+        self._settings = settings
+        self._draws = draws
+        self._progress = progress
+        self._simulations = blocks * (1 + draws)
+        self._done = 0
+        self._runs: ModelRuns | None = None
+        self._end: BlockEnd | None = None
+        self._squares = MeanSquares()
+        self._repeats = RepeatScatter()
+
+    def add(self, block: Recording) -> tuple[Replay, Signals, tuple[Signals, ...], Signals]:
+        """Simulate the next block of the recording and add what the model leaves.
+
+        Returns:
+            The block as fed to the model; the model's noise-free signals; its draws minus those;
+            recorded minus noise-free signals.
+
+        Raises:
+            ValueError: axes or SYNC periods differ, or an axis has no valid sample.
+        """
+        replay = prepare_replay(block, self._settings, self._end)
+        if self._runs is None:
+            self._runs = ModelRuns(replay, self._settings, self._draws)
+        nominal, draws = self._runs.along(replay, self._count)
+        residual = subtract_signals(replay.measured(), nominal)
+        for name, signals in residual.items():
+            valid = replay.valid(name)
+            for signal, values in signals.items():
+                every = [v[valid] for v in (values, *(draw[name][signal] for draw in draws))]
+                with np.errstate(over="ignore"):
+                    energy = [float(np.square(v).sum()) for v in every]
+                self._squares.add(name, signal, energy, float(valid.sum()))
+        self._repeats.add(replay, residual, draws)
+        self._end = replay.end()
+        return replay, nominal, draws, residual
+
+    def gap(self) -> Gap:
+        """The figures of all blocks."""
+        return {
+            axis.name: {
+                signal: GapFigures(*self._squares.rms(axis.name, signal), unit_on(axis, unit))
+                for signal, unit in SIGNALS.items()
+            }
+            for axis in self._settings.axes
+        }
+
+    def repeats(self) -> dict[str, dict[str, RepeatCheck]]:
+        """The floor against repeated moves; empty where no move repeats another in its block."""
+        return self._repeats.checks({axis.name: SIGNALS for axis in self._settings.axes})
+
+    def _count(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, self._simulations)
+
+
 def measure_gap(recording: Recording, settings: StageSettings, draws: int = DRAWS) -> Gap:
     """The gap of a model against a recording; arguments and errors as `compare_with_model`."""
     return compare_with_model(recording, settings, draws).gap
@@ -56,7 +133,7 @@ def compare_with_model(
     draws: int = DRAWS,
     progress: Callable[[int, int], object] | None = None,
 ) -> Measured:
-    """The gap of a model against a recording, and its floor.
+    """The gap of a model against a recording, its floor, and the signals of both.
 
     Args:
         recording: of a stage.
@@ -67,22 +144,14 @@ def compare_with_model(
     Raises:
         ValueError: axes or SYNC periods differ, or an axis has no valid sample.
     """
-    replay = prepare_replay(recording, settings)
-    below = estimate_floor(replay, settings, draws, progress)
-    difference = subtract_signals(replay.measured(), below.nominal)
-    gap: Gap = {
-        axis.name: {
-            signal: GapFigures(
-                rms(difference[axis.name][signal], replay.valid(axis.name)),
-                below.rms[axis.name][signal],
-                unit_on(axis, unit),
-            )
-            for signal, unit in SIGNALS.items()
-        }
-        for axis in settings.axes
+    meter = GapMeter(settings, draws, progress)
+    replay, nominal, noisy, residual = meter.add(recording)
+    gap = meter.gap()
+    floors = {
+        axis: {signal: figures.floor for signal, figures in signals.items()}
+        for axis, signals in gap.items()
     }
-    checked = check_repeats(recording, replay.period, difference, below.draws)
-    return Measured(replay, below, difference, gap, checked)
+    return Measured(replay, Floor(nominal, noisy, floors), residual, gap, meter.repeats())
 
 
 def combined_floors(gap: Mapping[str, Mapping[str, GapFigures]]) -> float:

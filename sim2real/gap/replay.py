@@ -1,7 +1,8 @@
 """The free-run simulation of a recording: its demands replayed on a stage model.
 
 The model starts at rest at the first target. Where a recording starts with force in the motor
-(after homing), the model starts with that force in its friction elements and its integrator.
+(after homing), the model starts with that force in its friction elements and its integrator. A long
+recording comes in blocks, along which one simulation goes on.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant import Response, needs_all_axes, simulate
+from hil_sim.plant import Response, Simulation, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.findings import SIGNALS
 from sim2real.gap.quantisation import coarse_steps
-from sim2real.gap.sync_grid import match_periods
+from sim2real.gap.sync_grid import match_periods, skipped_periods
 from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 _REST_UNITS = 4
@@ -29,6 +30,20 @@ Signals = dict[str, dict[str, FloatArray]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class BlockEnd:
+    """The last sample of a block of a recording.
+
+    Attributes:
+        time: of the sample [s].
+        demand, offset: its setpoints, float64[axes] [m, N].
+    """
+
+    time: float
+    demand: FloatArray
+    offset: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Replay:
     """What a model is fed with to be compared with a recording of K samples.
 
@@ -37,7 +52,8 @@ class Replay:
         names: of the axes, in the order of the model.
         period: SYNC period [s].
         demand, offset: setpoints of every SYNC period, shape (P, axes), P >= K [m, N].
-        place: int64[K], number of the SYNC period that each sample belongs to.
+        place: int64[K], number of the SYNC period that each sample belongs to; of a block that
+            follows another, from the period after that one's last sample.
         rest_force: motor force of each axis at the start [N].
         steps: axis -> signal -> step of the log where it is coarser than the sensor [m, N].
         start: of the recording, on the clock of effects that fade with time [s].
@@ -64,6 +80,21 @@ class Replay:
         settings = replace(settings, start=self.start)
         response = simulate(settings, self.demand, self.offset, seed, rest_force=self.rest_force)
         return {name: self._sampled(response, a) for a, name in enumerate(self.names)}
+
+    def simulation(self, settings: StageSettings, seed: int | None) -> Simulation:
+        """A simulation that starts where this recording does; arguments as of `run`."""
+        settings = replace(settings, start=self.start)
+        return Simulation(settings, self.demand[0], self.offset[0], seed, self.rest_force)
+
+    def go_on(self, simulation: Simulation) -> Signals:
+        """Signals at this block's samples of a simulation that has come to its first period."""
+        response = simulation.run(self.demand, self.offset)
+        return {name: self._sampled(response, a) for a, name in enumerate(self.names)}
+
+    def end(self) -> BlockEnd:
+        """Where this block ends."""
+        time = float(self.recording.time[-1])
+        return BlockEnd(time, self.demand[-1].copy(), self.offset[-1].copy())
 
     def run_axis(self, settings: StageSettings, name: str) -> dict[str, FloatArray]:
         """Noise-free signals of one axis; others are simulated only where it needs them."""
@@ -106,8 +137,15 @@ class Replay:
         return self.recording.axes[axis].valid
 
 
-def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
+def prepare_replay(
+    recording: Recording, settings: StageSettings, after: BlockEnd | None = None
+) -> Replay:
     """Match a recording to a model, which starts when the settings say.
+
+    Args:
+        recording: or a block of one, of at least one sample.
+        settings: of the model.
+        after: end of the block before; None for the first.
 
     Raises:
         ValueError: axes or SYNC periods differ, an axis has no valid sample, or its demand or force
@@ -120,7 +158,7 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
         )
     signals = [recording.axes[name] for name in names]
     for name, axis in zip(names, signals, strict=True):
-        if not axis.valid.any():
+        if after is None and not axis.valid.any():
             raise ValueError(f"axis {name}: no valid sample")
         if axis.missing:
             raise ValueError(
@@ -130,12 +168,19 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
     place = match_periods(recording.time, settings.sync_period)
     # Where whole periods were skipped, the drives held their setpoint.
     sent = np.searchsorted(place, np.arange(place[-1] + 1), side="right") - 1
+    demand = np.column_stack([s.position_demand for s in signals])[sent]
+    offset = np.column_stack([s.force_offset for s in signals])[sent]
+    if after is not None:
+        held = skipped_periods(after.time, recording.time, settings.sync_period)
+        demand = np.concatenate((np.tile(after.demand, (held, 1)), demand))
+        offset = np.concatenate((np.tile(after.offset, (held, 1)), offset))
+        place += held
     return Replay(
         recording,
         names,
         settings.sync_period,
-        np.column_stack([s.position_demand for s in signals])[sent],
-        np.column_stack([s.force_offset for s in signals])[sent],
+        demand,
+        offset,
         place,
         tuple(_rest_force(s, axis) for s, axis in zip(signals, settings.axes, strict=True)),
         {axis.name: coarse_steps(recording.axes[axis.name], axis) for axis in settings.axes},

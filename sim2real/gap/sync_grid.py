@@ -37,9 +37,29 @@ def match_periods(time: FloatArray, period: float) -> NDArray[np.int64]:
             f"its samples are {usual:.6g} s apart, the model's sync_period is {period:g} s"
         )
     places = number_periods(time, usual if abs(usual - period) > _DRIFT * period else period)
-    if places[-1] > _MAX_STRETCH * len(time):
-        raise ValueError(f"its samples are spread over {places[-1] * period:.6g} s")
+    _check_stretch(places[-1], len(time), period)
     return places
+
+
+def skipped_periods(before: float, time: FloatArray, period: float) -> int:
+    """Number of SYNC periods skipped between two blocks of a recording.
+
+    Args:
+        before: time of the last sample of the first block [s].
+        time: of the samples of the second, float64[K] [s].
+        period: of the model's SYNC [s].
+
+    Raises:
+        ValueError: the blocks are not one run.
+    """
+    skipped = max(round((float(time[0]) - before) / period) - 1, 0)
+    _check_stretch(skipped, len(time), period)
+    return skipped
+
+
+def _check_stretch(periods: int, samples: int, period: float) -> None:
+    if periods > _MAX_STRETCH * samples:
+        raise ValueError(f"its samples are spread over {periods * period:.6g} s")
 
 
 def number_periods(time: FloatArray, period: float) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sim2real.gap import Gap
     from stagectl.config import Machine
     from stagectl.sequencer import MoveStatistics
-    from stagedata import Recording
+    from stagectl.store import RecordingBlocks
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _KINDS = ("macro", "micro")
@@ -47,7 +47,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     from sim2real.findings import FORMAT, VERSION, GapFigures, gap_json
     from sim2real.gap import gap_closed, pool_gaps
     from stagectl.config import stage_settings
-    from stagectl.store import read_recording
+    from stagectl.store import RecordingBlocks
 
     paths = recordings or tuple(path for path in (first, second) if _is_recording(path))
     if not paths or (not recordings and len(paths) < 2):
@@ -56,12 +56,12 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
         )
     machines = [_machine_of(path) for path in (first, second)]
     settings = [stage_settings(machine) for machine in machines]
-    recorded = {str(path): read_recording(path) for path in paths}
+    recorded = {str(path): RecordingBlocks(path) for path in paths}
     console = console_for(json_out)
     gaps = []
     with progress_bar(console, "simulating") as update:
         for model in settings:
-            each = [(measured_gap(r, model, update).gap, len(r)) for r in recorded.values()]
+            each = [(measured_gap(r, model, update).gap(), r.samples) for r in recorded.values()]
             gaps.append(pool_gaps(each))
     before, after = gaps
     share = gap_closed(before, after)
@@ -118,10 +118,10 @@ def _machine_of(path: Path) -> Machine:
         UnusableInput: the recording cannot be read.
     """
     from stagectl.config import load_machine, parse_machine
-    from stagectl.store import read_recording
+    from stagectl.store import RecordingBlocks
 
     if _is_recording(path):
-        return parse_machine(read_recording(path).machine, f"{path}:machine")
+        return parse_machine(RecordingBlocks(path).machine, f"{path}:machine")
     return load_machine(path)
 
 
@@ -131,18 +131,22 @@ def _name(path: Path) -> str:
 
 
 def _settling(
-    recorded: dict[str, Recording], control_period: float, sync_period: float
+    recorded: dict[str, RecordingBlocks], control_period: float, sync_period: float
 ) -> Settling:
     """Statistics of the recordings' macro- and micro-moves; without those that have none."""
     from stagectl.sequencer import statistics, summarise_moves
 
     found: Settling = {}
     for path, recording in recorded.items():
-        results = summarise_moves(recording, control_period, sync_period)
-        blocks = {kind: statistics(results, kind) for kind in _KINDS}
-        blocks = {kind: block for kind, block in blocks.items() if block.count}
-        if blocks:
-            found[path] = blocks
+        results = [
+            result
+            for block in recording
+            for result in summarise_moves(block, control_period, sync_period)
+        ]
+        kinds = {kind: statistics(results, kind) for kind in _KINDS}
+        kinds = {kind: moves for kind, moves in kinds.items() if moves.count}
+        if kinds:
+            found[path] = kinds
     return found
 
 

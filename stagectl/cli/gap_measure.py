@@ -14,8 +14,9 @@ from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, w
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
     from sim2real.findings import GapFigures
-    from sim2real.gap import Measured
+    from sim2real.gap import GapMeter
     from stagectl.config import Machine
+    from stagectl.store import RecordingBlocks
     from stagedata import Recording
 
 
@@ -34,26 +35,27 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     """
     from sim2real.findings import FORMAT, VERSION, gap_json
     from stagectl.config import stage_settings
-    from stagectl.store import read_recording
+    from stagectl.store import RecordingBlocks
 
-    recorded = read_recording(recording)
+    recorded = RecordingBlocks(recording)
     model = machine_of(machine, recorded)
     console = console_for(json_out)
     with progress_bar(console, "simulating") as update:
         found = measured_gap(recorded, stage_settings(model), update)
+    gap = found.gap()
     if json_out is not None:
         report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
-        write_json({**report, "gap": gap_json(found.gap)}, json_out)
+        write_json({**report, "gap": gap_json(gap)}, json_out)
     if not is_json_on_stdout(json_out):
-        console.print(gap_table(found.gap, f"Gap of {model.name} against {recording.name} (rms)"))
+        console.print(gap_table(gap, f"Gap of {model.name} against {recording.name} (rms)"))
         for line in repeat_lines(found):
             console.print(line, highlight=False)
 
 
-def repeat_lines(found: Measured) -> list[str]:
+def repeat_lines(found: GapMeter) -> list[str]:
     """The scatter of repeated moves compared with the floor, one line per axis that has any."""
     lines = []
-    for axis, signals in found.repeats.items():
+    for axis, signals in found.repeats().items():
         parts = [f"{signal} {check.ratio:.1f} x" for signal, check in signals.items()]
         moves = next(iter(signals.values())).moves
         lines.append(
@@ -63,7 +65,9 @@ def repeat_lines(found: Measured) -> list[str]:
     return lines
 
 
-def machine_of(machine: Path | None, *recorded: Recording, fitted: bool = False) -> Machine:
+def machine_of(
+    machine: Path | None, *recorded: Recording | RecordingBlocks, fitted: bool = False
+) -> Machine:
     """The machine file named, or the one inside the recordings.
 
     Args:
@@ -90,7 +94,9 @@ def machine_of(machine: Path | None, *recorded: Recording, fitted: bool = False)
     return parse_machine(first.machine, f"{first.source}:machine", fitted=fitted)
 
 
-def measured_gap(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:
+def measured_gap(
+    recorded: RecordingBlocks, settings: StageSettings, update: ProgressUpdate
+) -> GapMeter:
     """The gap of a stage's settings on a recording.
 
     Raises:
@@ -99,14 +105,16 @@ def measured_gap(recorded: Recording, settings: StageSettings, update: ProgressU
     from functools import partial
 
     from sim2real.audit import repair_samples
-    from sim2real.gap import compare_with_model
+    from sim2real.gap import DRAWS, GapMeter
     from stagectl.errors import UnusableInput
 
+    meter = GapMeter(settings, DRAWS, partial(update, "simulating"), len(recorded))
     try:
-        repaired, _ = repair_samples(recorded, settings)
-        return compare_with_model(repaired, settings, progress=partial(update, "simulating"))
+        for block in recorded:
+            meter.add(repair_samples(block, settings)[0])
     except ValueError as error:
         raise UnusableInput(f"{recorded.source}: {error}") from error
+    return meter
 
 
 def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names: str) -> Any:

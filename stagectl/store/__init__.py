@@ -1,8 +1,8 @@
 """Files of a run: journal, recording, summary, bus log.
 
 `journal` (during the run), `journal_reader` and `journal_to_recording`,
-`recording` (HDF5; `hdf5`, `ledger`), `bus_log` (`frame_spool`, `asc_log`) and `log_reader`,
-`summary`, `atomic`.
+`recording` and `recording_blocks` (HDF5; `hdf5`, `ledger`), `bus_log` (`frame_spool`, `asc_log`)
+and `log_reader`, `summary`, `atomic`.
 
 Its names, in `__init__.pyi`, are imported on first use: a dry run needs neither kernels nor HDF5.
 """

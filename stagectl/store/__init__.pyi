@@ -26,9 +26,9 @@ from .recording import (
     RunNotes,
     read_ledger,
     read_notes,
-    read_recording,
     write_recording,
 )
+from .recording_blocks import RecordingBlocks, read_recording
 from .summary import (
     FrictionEntry,
     ParameterEstimate,
@@ -54,6 +54,7 @@ __all__ = [
     "JournalHeader",
     "LoggedFrame",
     "ParameterEstimate",
+    "RecordingBlocks",
     "Retry",
     "RunFacts",
     "RunNotes",

@@ -102,8 +102,27 @@ def open_group(parent: h5py.Group, name: str) -> h5py.Group:
     return member
 
 
-def read_array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
-    """A one-dimensional dataset of these numpy kinds, shape (n,), n up to `limit`."""
+WHOLE = slice(0, None)
+
+
+def read_array(
+    group: h5py.Group,
+    name: str,
+    kinds: str,
+    limit: int,
+    length: int | None = None,
+    part: slice = WHOLE,
+) -> npt.NDArray[Any]:
+    """A part of a one-dimensional dataset of these numpy kinds, shape (n,).
+
+    Args:
+        group: that it is in.
+        name: of the dataset.
+        kinds: as `dtype.kind` has them.
+        limit: on its length.
+        length: of `/time`, which it must have.
+        part: to read.
+    """
     member = _member(group, name)
     place = f"{group.name.rstrip('/')}/{name}"
     if not isinstance(member, h5py.Dataset):
@@ -116,30 +135,30 @@ def read_array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDAr
         raise UnusableInput(f"{place}: holds {member.dtype}, which is of the wrong kind")
     if len(member) > limit:
         raise UnusableInput(f"{place}: {len(member)} entries, at most {limit} are read")
+    if length is not None and len(member) != length:
+        raise UnusableInput(f"{place}: {len(member)} samples, /time has {length}")
     try:
-        values: npt.NDArray[Any] = member[()]
+        values: npt.NDArray[Any] = member[part]
     except OSError as error:
         raise UnusableInput(f"{place}: damaged: {reason_of(error)}") from error
     return values
 
 
-def _length(group: h5py.Group, name: str, values: npt.NDArray[Any], length: int | None) -> None:
-    if length is not None and len(values) != length:
-        raise UnusableInput(
-            f"{group.name.rstrip('/')}/{name}: {len(values)} samples, /time has {length}"
-        )
-
-
 def read_floats(
-    group: h5py.Group, name: str, length: int | None = None, *, finite: bool = True
+    group: h5py.Group,
+    name: str,
+    length: int | None = None,
+    part: slice = WHOLE,
+    *,
+    finite: bool = True,
 ) -> npt.NDArray[np.float64]:
-    """Samples of a signal, shape (length,)."""
-    values = read_array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
-    _length(group, name, values, length)
+    """Samples of a signal, shape (n,); arguments as of `read_array`."""
+    values = read_array(group, name, "fiu", MAX_SAMPLES, length, part)
+    values = values.astype(np.float64, copy=False)
     if finite and not np.all(np.isfinite(values)):
         sample = int(np.argmin(np.isfinite(values)))
         raise UnusableInput(
-            f"{group.name.rstrip('/')}/{name}: sample {sample}: is {values[sample]}"
+            f"{group.name.rstrip('/')}/{name}: sample {part.start + sample}: is {values[sample]}"
         )
     return values
 
@@ -155,8 +174,8 @@ def check_unit(group: h5py.Group, name: str, unit: str) -> None:
         )
 
 
-def read_integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
-    """Integer samples, shape (length,)."""
-    values = read_array(group, name, "iub", MAX_SAMPLES)
-    _length(group, name, values, length)
-    return values
+def read_integers(
+    group: h5py.Group, name: str, length: int | None = None, part: slice = WHOLE
+) -> npt.NDArray[Any]:
+    """Integer samples, shape (n,); arguments as of `read_array`."""
+    return read_array(group, name, "iub", MAX_SAMPLES, length, part)

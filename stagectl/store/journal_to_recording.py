@@ -10,7 +10,8 @@ from stagectl.errors import UnusableInput
 from stagectl.store.bus_log import recover_log
 from stagectl.store.journal import FILE_NAME, locked_journal, refuse_in_progress
 from stagectl.store.journal_reader import JournalContent, parse_journal
-from stagectl.store.recording import read_recording, write_recording
+from stagectl.store.recording import write_recording
+from stagectl.store.recording_blocks import read_recording
 from stagedata import Recording
 
 RECORDING_NAME = "recording.h5"

@@ -1,4 +1,4 @@
-"""Recordings on disk: HDF5, docs/formats/recording.md version 1.
+"""Recordings on disk: HDF5, docs/formats/recording.md version 1; samples: `recording_blocks`.
 
 Files of other programs can be read as well: every value is checked, unknown groups and attributes
 are ignored, and an error is one line that names file, dataset and sample. Writing is atomic: the
@@ -22,7 +22,6 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.plain_text import one_line
 from stagectl.store.atomic import write_atomically
 from stagectl.store.hdf5 import (
-    check_unit,
     member_names,
     open_group,
     open_hdf5,
@@ -34,56 +33,20 @@ from stagectl.store.hdf5 import (
     reason_of,
 )
 from stagectl.store.ledger import CycleLedger
-from stagedata import MOVE_KINDS, AxisSignals, Move, Recording
+from stagedata import Recording
 
 FORMAT = "stagectl-recording"
 VERSION = 1
 MAX_MOVES = 1_000_000
 NO_SITE = 0  # in `/moves`; sites count from 1
 
-_SIGNALS = (
+SIGNALS = (
     ("position_demand", "m"),
     ("force_offset", "N"),
     ("position_actual", "m"),
     ("force_actual", "N"),
 )
 _COMPRESSION: dict[str, object] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-
-
-def read_recording(path: Path | str) -> Recording:
-    """Read a recording of format version 1.
-
-    Args:
-        path: the HDF5 file.
-
-    Returns:
-        The recording; arrays in SI units, `source` is the path as given.
-
-    Raises:
-        UnusableInput: no such file, not HDF5, truncated, another format or a newer version, a
-            missing dataset, lengths that differ, a non-finite sample, a move outside the samples.
-    """
-    with open_hdf5(path) as file:
-        _check_format(file)
-        machine = read_text(file, "machine")
-        time = read_floats(file, "time")
-        check_unit(file, "time", "s")
-        if np.any(np.diff(time) <= 0):
-            sample = int(np.argmax(np.diff(time) <= 0)) + 1
-            raise UnusableInput(f"/time: sample {sample}: not later than the one before")
-        group = open_group(file, "axes")
-        axes = {name: _axis(group, name, len(time)) for name in member_names(group)}
-        if not axes:
-            raise UnusableInput("/axes: no axis")
-        return Recording(
-            machine=machine,
-            recipe=read_text(file, "recipe", default=""),
-            started=read_line(file, "started", default=""),
-            time=time,
-            axes=axes,
-            moves=_moves(file, tuple(axes), len(time)),
-            source=str(path),
-        )
 
 
 def read_ledger(path: Path | str) -> CycleLedger | None:
@@ -96,10 +59,10 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
         The ledger; None where the recording has none in our format.
 
     Raises:
-        UnusableInput: as `read_recording`.
+        UnusableInput: as `recording_blocks.read_recording`.
     """
     with open_hdf5(path) as file:
-        _check_format(file)
+        check_format(file)
         if "cycle/late" not in file or "cycle/arrival" not in file:
             return None
         late = read_integers(file, "cycle/late", len(read_floats(file, "time")))
@@ -150,10 +113,10 @@ def read_notes(path: Path | str) -> RunNotes:
     """Read the notes of a run without its samples.
 
     Raises:
-        UnusableInput: as `read_recording`, or an event is not a JSON object.
+        UnusableInput: as `recording_blocks.read_recording`, or an event is not a JSON object.
     """
     with open_hdf5(path) as file:
-        _check_format(file)
+        check_format(file)
         events = []
         if "events" in file:
             for number, text in enumerate(read_array(file, "events", "OS", MAX_MOVES)):
@@ -227,7 +190,7 @@ def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) ->
     axes = file.create_group("axes", track_order=True)  # the machine's order, not the alphabet's
     for name, signals in recording.axes.items():
         group = axes.create_group(name)
-        for signal, unit in _SIGNALS:
+        for signal, unit in SIGNALS:
             _dataset(group, signal, getattr(signals, signal), unit)
             if signal in signals.missing:
                 group[signal].attrs["logged"] = 0
@@ -277,7 +240,8 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
     return np.array(rows, dtype=np.dtype(columns))
 
 
-def _check_format(file: h5py.File) -> None:
+def check_format(file: h5py.File) -> None:
+    """Refuse a file that is not a recording, or one of a newer version."""
     if read_line(file, "format", default="") != FORMAT:
         raise UnusableInput(f"attribute format: not {FORMAT!r}: not a stagectl recording")
     version = file.attrs.get("version")
@@ -287,46 +251,3 @@ def _check_format(file: h5py.File) -> None:
         raise UnusableInput(
             f"attribute version: {version} is newer than this program reads ({VERSION})"
         )
-
-
-def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
-    group = open_group(axes, name)
-    demand, offset, actual, force = (read_floats(group, s, length) for s, _ in _SIGNALS)
-    for signal, unit in _SIGNALS:
-        check_unit(group, signal, unit)
-    statusword = None
-    if "statusword" in group:
-        statusword = read_integers(group, "statusword", length).astype(np.uint16)
-    valid = np.ones(length, dtype=np.bool_)
-    if "valid" in group:
-        valid = read_integers(group, "valid", length).astype(np.bool_)
-    missing = tuple(s for s, _ in _SIGNALS if not group[s].attrs.get("logged", 1))
-    return AxisSignals(demand, offset, actual, force, statusword, valid, missing)
-
-
-def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:
-    table = read_array(file, "moves", "V", MAX_MOVES)
-    columns = table.dtype.names or ()
-    ends = [f"{side}_{axis}" for side in ("from", "to") for axis in axes]
-    for name in ("kind", "start", "end", *ends):
-        if name not in columns:
-            raise UnusableInput(f"/moves: column {name} missing")
-    moves: list[Move] = []
-    for i, row in enumerate(table):
-        place = f"/moves: row {i}"
-        kind = row["kind"].decode("ascii", "replace") if isinstance(row["kind"], bytes) else ""
-        if kind not in MOVE_KINDS:
-            raise UnusableInput(f"{place}: kind {kind!r} is none of {', '.join(MOVE_KINDS)}")
-        start, end = int(row["start"]), int(row["end"])
-        earliest = moves[-1].start if moves else 0
-        if not earliest <= start <= end <= length:
-            raise UnusableInput(
-                f"{place}: samples {start}..{end} are not in order within 0..{length}"
-            )
-        origin = {axis: float(row[f"from_{axis}"]) for axis in axes}
-        target = {axis: float(row[f"to_{axis}"]) for axis in axes}
-        if not np.all(np.isfinite([*origin.values(), *target.values()])):
-            raise UnusableInput(f"{place}: a non-finite position")
-        site = int(row["site"]) if "site" in columns else NO_SITE
-        moves.append(Move(kind, start, end, origin, target, site if site > NO_SITE else None))
-    return tuple(moves)

@@ -7,13 +7,7 @@ import pytest
 
 from hil_sim.plant import simulate
 from sim2real.findings import GapFigures
-from sim2real.gap import (
-    check_repeats,
-    compare_with_model,
-    estimate_floor,
-    prepare_replay,
-    subtract_signals,
-)
+from sim2real.gap import compare_with_model
 from stagectl.config import load_machine, stage_settings
 from stagedata import AxisSignals, Recording
 
@@ -49,13 +43,10 @@ def wandering(stage, factor):
 
 
 def test_the_floor_is_what_another_draw_of_the_same_stage_shows(stage):
-    recorded = laps(stage, 77)
-    replay = prepare_replay(recorded, stage)
-    below = estimate_floor(replay, stage)
-    left = subtract_signals(replay.measured(), below.nominal)
+    measured = compare_with_model(laps(stage, 77), stage)
     ratios = [
-        np.sqrt(np.mean(left[axis][signal] ** 2)) / figure
-        for axis, signals in below.rms.items()
+        np.sqrt(np.mean(measured.residual[axis][signal] ** 2)) / figure
+        for axis, signals in measured.floor.rms.items()
         for signal, figure in signals.items()
     ]
     # Three seconds hold six correlation times of the wander: single draws scatter that much.
@@ -64,22 +55,14 @@ def test_the_floor_is_what_another_draw_of_the_same_stage_shows(stage):
 
 def test_repeated_moves_confirm_the_floor_or_refute_it(stage):
     for factor, low, high in ((1.0, 0.7, 1.4), (4.0, 2.0, 6.0)):
-        recorded = laps(wandering(stage, factor), 5)
-        replay = prepare_replay(recorded, stage)
-        below = estimate_floor(replay, stage)
-        checks = check_repeats(
-            recorded, 1e-3, subtract_signals(replay.measured(), below.nominal), below.draws
-        )
+        checks = compare_with_model(laps(wandering(stage, factor), 5), stage).repeats
         for axis in ("x", "y"):
             assert checks[axis]["force"].moves == 12
             assert low < checks[axis]["force"].ratio < high
 
 
 def test_without_repeats_there_is_nothing_to_check(stage):
-    recorded = laps(stage, 5, laps=1)
-    replay = prepare_replay(recorded, stage)
-    below = estimate_floor(replay, stage, draws=1)
-    assert check_repeats(recorded, 1e-3, replay.measured(), below.draws) == {}
+    assert compare_with_model(laps(stage, 5, laps=1), stage, draws=1).repeats == {}
 
 
 def gap(position, force):

@@ -8,9 +8,17 @@ import pytest
 
 from hil_sim.plant import simulate
 from sim2real.findings import GapFigures
-from sim2real.gap import combined_gap, gap_closed, measure_gap, pool_gaps
+from sim2real.gap import (
+    GapMeter,
+    combined_gap,
+    compare_with_model,
+    gap_closed,
+    measure_gap,
+    pool_gaps,
+)
 from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
+from stagectl.store import read_recording, write_recording
+from stagectl.store.recording_blocks import RecordingBlocks
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -32,6 +40,29 @@ def test_null_recordings_are_within_the_bounds(stage, recorded):
         assert 0.03e-6 < signals["position"].floor < 0.1e-6
         assert 0.05 < signals["force"].floor < 0.16
         assert signals["position"].unit == "m"
+
+
+@pytest.mark.parametrize("skipped", [0, 7])
+def test_blocks_give_the_figures_of_the_whole(stage, recorded, tmp_path, skipped):
+    """Also where the host paused between two blocks: the model goes on from where it was."""
+    blocks = RecordingBlocks(DATA / "null-2.h5", 3000)
+    joint = len(next(iter(blocks)))
+    late = recorded.time + 1e-3 * skipped * (np.arange(len(recorded)) >= joint)
+    whole = replace(recorded, time=late)
+    write_recording(whole, tmp_path / "r.h5")
+    blocks = RecordingBlocks(tmp_path / "r.h5", 3000)
+    done = []
+    meter = GapMeter(stage, 2, lambda *count: done.append(count), len(blocks))
+    for block in blocks:
+        meter.add(block)
+    expected = compare_with_model(whole, stage, 2)
+    assert len(blocks) == 4
+    assert done[-1] == (12, 12)
+    for axis, signals in expected.gap.items():
+        for signal, figures in signals.items():
+            found = meter.gap()[axis][signal]
+            assert found.nominal == pytest.approx(figures.nominal, rel=1e-9)
+            assert found.floor == pytest.approx(figures.floor, rel=1e-9)
 
 
 def test_a_wrong_mass_shows(stage, recorded):

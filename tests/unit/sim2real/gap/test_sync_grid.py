@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim2real.gap import match_periods, number_periods
+from sim2real.gap.sync_grid import skipped_periods
 
 PERIOD = 1e-3
 
@@ -25,6 +26,14 @@ def test_a_lasting_jump_skips_whole_periods():
 def test_a_drifting_clock_is_counted_in_its_own_periods():
     time = 1.02 * PERIOD * np.arange(1000)
     np.testing.assert_array_equal(match_periods(time, PERIOD), np.arange(1000))
+
+
+def test_what_was_skipped_between_two_blocks_is_counted():
+    after = PERIOD * np.arange(104, 204)
+    assert skipped_periods(PERIOD * 103.1, after, PERIOD) == 0
+    assert skipped_periods(PERIOD * 99, after, PERIOD) == 4
+    with pytest.raises(ValueError, match="spread over"):
+        skipped_periods(-2.0, after, PERIOD)
 
 
 def test_samples_of_another_period_or_of_several_runs_do_not_match():
