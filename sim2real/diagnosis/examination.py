@@ -113,6 +113,7 @@ def examine(
     correct: bool = False,
     unknown: Mapping[str, Sequence[str]] | None = None,
     clock: Clock | None = None,
+    open_loop: str | None = None,
     progress: Progress = lambda *_: None,
 ) -> Examination:
     """Examine recordings of one stage: channels, floor, gap, its location (long: in this order).
@@ -124,6 +125,7 @@ def examine(
         unknown: axis -> what the machine file leaves unknown, keys of `open_loop.FIGURES` or
             `GAINS`; the settings have any values there.
         clock: of the recordings; None: their own.
+        open_loop: why forces are to be compared along the motion; None: as the recordings need it.
         progress: called along the way.
 
     Raises:
@@ -131,32 +133,25 @@ def examine(
             friction law that cannot be tracked, with the axis.
     """
     unknown = unknown or {}
-    open_loop = why_open_loop(recordings, unknown)
+    open_loop = open_loop or why_open_loop(recordings, unknown)
     if open_loop is None:
         require_presliding(settings)
     names = tuple(r.source for r in recordings)
     clock = find_common_clock(recordings) if clock is None else clock
     repairs = [repair_samples(recording, settings) for recording in recordings]
     recordings = [recording for recording, _ in repairs]
-    repaired = [found for _, found in repairs]
+    repaired = [findings for _, findings in repairs]
+    examined = Examination(
+        names, _merge_findings(repaired), None, settings,
+        open_loop=open_loop, unknown=unknown, clock=clock,
+    )  # fmt: skip
     if open_loop is not None:
-        found = _merge_findings(repaired)
-        return examine_motion(
-            Examination(
-                names, found, None, settings, open_loop=open_loop, unknown=unknown, clock=clock
-            ),
-            recordings,
-            correct=correct,
-        )
+        return examine_motion(examined, recordings, correct=correct)
     for recording in recordings:
         reason = why_insufficient(recording, settings)
         if reason is not None:
             reason = _name_recording(recording, recordings, reason)
-            insufficient = Examination(
-                names, _merge_findings(repaired), reason, settings, clock=clock
-            )
-            return _with_gap(insufficient, recordings, progress)
-    examined = Examination(names, _merge_findings(repaired), None, settings, clock=clock)
+            return _with_gap(replace(examined, insufficient=reason), recordings, progress)
     return _examine_channels(examined, recordings, repaired, correct, progress)
 
 

@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil_sim.settings import StageSettings
-from sim2real.audit import repair_samples
 from sim2real.diagnosis.clock import Clock
-from sim2real.diagnosis.examination import Examination, examine, examine_motion
+from sim2real.diagnosis.examination import Examination, examine
 from sim2real.diagnosis.verdict import Diagnosis
 from sim2real.findings import EXPLAINED, PARTLY_EXPLAINED, GapReport
 from sim2real.fitting import AxisModel
@@ -44,18 +43,9 @@ def examine_others(
     Raises:
         ValueError: a recording does not fit the machine file; with the recording's name.
     """
-    if examined.open_loop is None:
-        return examine(others, settings, correct=correct, clock=clock)
-    repaired = [repair_samples(recording, examined.settings) for recording in others]
-    plain = Examination(
-        tuple(recording.source for recording in others),
-        tuple(finding for _, findings in repaired for finding in findings),
-        None,
-        examined.settings,
-        open_loop=examined.open_loop,
-        clock=clock,
-    )
-    return examine_motion(plain, [recording for recording, _ in repaired], correct=correct)
+    if examined.open_loop is not None:
+        settings = examined.settings
+    return examine(others, settings, correct=correct, clock=clock, open_loop=examined.open_loop)
 
 
 def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
@@ -71,31 +61,21 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
     if not report.causes or not others.measured:
         return report
     names = [axis.name for axis in others.settings.axes]
-    along = {
-        name: MotionLoop(name, others.motions, others.settings, 0.0)
-        for name in names
-        if others.open_loop is not None
-    }
 
     def opened(models: Mapping[str, AxisModel], axis: str) -> float:
-        if axis not in along:
+        if others.open_loop is None:
             return axis_gap(axis, models, others.measured, others.settings)
-        loop = along[axis]
+        loop = MotionLoop(axis, others.motions, others.settings, 0.0)
         return loop.gap(loop.residual(models.get(axis, loop.start)))
 
     before = {name: opened({}, name) for name in names}
     models = diagnosis.models
     after = {name: opened(models, name) for name in names}
     steps = []
-    numbers = dict.fromkeys(names, 0)
+    fitted = {axis: iter(of_axis) for axis, of_axis in diagnosis.steps.items()}
     for step in report.steps:
-        of_axis = diagnosis.steps.get(step.axis, ())
-        if of_axis:
-            model = of_axis[numbers[step.axis]]
-            numbers[step.axis] += 1
-            left = opened({**models, step.axis: model}, step.axis)
-            step = replace(step, elsewhere=_closed(before[step.axis], left, 1))
-        steps.append(step)
+        remaining = opened({**models, step.axis: next(fitted[step.axis])}, step.axis)
+        steps.append(replace(step, elsewhere=_closed(before[step.axis], remaining, 1)))
     share = _closed(sum(before.values()), sum(after.values()), len(names))
     verdict, reason = report.verdict, report.reason
     if share is not None:

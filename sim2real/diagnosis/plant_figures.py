@@ -96,8 +96,11 @@ def settle_figures(
         kept[int(np.argmax(worst))] = True
     base = fitted.model.base.copy()
     base[:STEP] = np.clip(moved, -MAX_SIGMAS, MAX_SIGMAS) * fitted.tolerance
-    changes = [_changed(fitted, j, base, sigma[j]) for j in range(STEP) if not (kept | lost)[j]]
-    changes += [_at_bound(fitted, j) for j in range(STEP) if at_bound[j] and not lost[j]]
+    changes = [_change(fitted, j, base, sigma[j]) for j in np.flatnonzero(~(kept | lost)).tolist()]
+    changes += [
+        _change(fitted, j, fitted.model.base, None)
+        for j in np.flatnonzero(at_bound & ~lost).tolist()
+    ]
     return replace(fitted.model, base=base), tuple(c for c in changes if c.new != c.old)
 
 
@@ -138,32 +141,24 @@ def _sigmas(fitted: FittedFigures, deviation: F64, kept: NDArray[np.bool_]) -> F
     )
 
 
-def _changed(fitted: FittedFigures, j: int, base: F64, sigma: float) -> FigureChange:
-    """A figure that changes; `sigma` in tolerances."""
+def _change(fitted: FittedFigures, j: int, base: F64, sigma: float | None) -> FigureChange:
+    """A figure that changes, `sigma` in tolerances; None: its fit ends at its bound."""
     tolerance = float(fitted.tolerance[j])
-    relative = float(sigma) * tolerance
-    return _change(
-        fitted, j, base, relative, True,
-        f"known to {100 * relative:.2g} % with these recordings, "
-        f"to {100 * tolerance:.2g} % without",
-    )  # fmt: skip
-
-
-def _at_bound(fitted: FittedFigures, j: int) -> FigureChange:
-    """A figure whose fit ends at its bound."""
-    return _change(
-        fitted, j, fitted.model.base, MAX_SIGMAS * float(fitted.tolerance[j]), False,
+    relative = (MAX_SIGMAS if sigma is None else float(sigma)) * tolerance
+    why = (
         f"the fit ends at its bound of {MAX_SIGMAS:g} tolerances: these moves do not determine it, "
-        "or something else acts like it",
-    )  # fmt: skip
-
-
-def _change(
-    fitted: FittedFigures, j: int, base: F64, relative: float, written: bool, why: str
-) -> FigureChange:
+        "or something else acts like it"
+    )
+    if sigma is not None:
+        why = (
+            f"known to {100 * relative:.2g} % with these recordings, "
+            f"to {100 * tolerance:.2g} % without"
+        )
     alone = np.zeros(NUISANCES)
     alone[j] = base[j]
     key = BASE[j]
     old, new = (plant_figure(axis, key) for axis in (fitted.axis, with_base(fitted.axis, alone)))
     unit = unit_on(fitted.axis, _UNITS[j])
-    return FigureChange(fitted.axis.name, key, old, new, relative * abs(old), unit, written, why)
+    return FigureChange(
+        fitted.axis.name, key, old, new, relative * abs(old), unit, sigma is not None, why
+    )

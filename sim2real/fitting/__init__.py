@@ -19,21 +19,17 @@ from sim2real.fitting.axis_model import (
     with_base,
     with_effects,
 )
-from sim2real.fitting.axis_problem import AxisProblem, Fitted, slow_energy
+from sim2real.fitting.axis_problem import AxisProblem, Fitted
 from sim2real.fitting.coordinates import (
     Coordinate,
     coordinate,
     coordinates,
+    effect_coordinates,
     from_coordinates,
-    to_coordinates,
+    with_coordinates,
 )
 from sim2real.fitting.gauss_newton import fit
-from sim2real.fitting.normal_equations import (
-    information_matrix,
-    invert_scaled,
-    sandwich_covariance,
-    solve_scaled,
-)
+from sim2real.fitting.normal_equations import invert_scaled
 from sim2real.fitting.plausibility import (
     clip_to_plausible,
     implausibility,
@@ -41,7 +37,7 @@ from sim2real.fitting.plausibility import (
     is_coulomb_level,
     is_within_tolerance,
 )
-from sim2real.fitting.workers import Stopped, Workers
+from sim2real.fitting.workers import Workers
 
 __all__ = [
     "BASE",
@@ -52,27 +48,23 @@ __all__ = [
     "AxisProblem",
     "Coordinate",
     "Fitted",
-    "Stopped",
     "Term",
     "Workers",
     "clip_to_plausible",
     "compose_stage",
     "coordinate",
     "coordinates",
+    "effect_coordinates",
     "fit",
     "from_coordinates",
     "implausibility",
-    "information_matrix",
     "invert_scaled",
     "is_coulomb_drift",
     "is_coulomb_level",
     "is_within_tolerance",
     "plant_figure",
     "reported_values",
-    "sandwich_covariance",
-    "slow_energy",
-    "solve_scaled",
-    "to_coordinates",
     "with_base",
+    "with_coordinates",
     "with_effects",
 ]

@@ -12,6 +12,7 @@ weighted alike.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,8 +102,7 @@ class AxisProblem:
 
     def finer(self) -> AxisProblem:
         """The same problem, simulated in the reference's steps."""
-        other = object.__new__(AxisProblem)
-        other.__dict__.update(self.__dict__)
+        other = copy(self)
         other.trackers = tuple(tracker.finer() for tracker in self.trackers)
         return other
 
@@ -112,8 +112,7 @@ class AxisProblem:
 
     def masked(self, masks: Sequence[BoolArray]) -> AxisProblem:
         """The same problem restricted to some of the valid samples."""
-        other = object.__new__(AxisProblem)
-        other.__dict__.update(self.__dict__)
+        other = copy(self)
         other.masks = tuple(
             track.valid & mask for track, mask in zip(self.tracks, masks, strict=True)
         )
@@ -147,16 +146,6 @@ class AxisProblem:
         """
         return self.weighted(self.track(model))
 
-    def residual_or_worst(self, model: AxisModel) -> F64:
-        """Weighted deviations under a model; the largest ones where physics does not allow it."""
-        try:
-            return self.residual(model)
-        except ValueError:
-            return self._largest()
-
-    def _largest(self) -> F64:
-        return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _DIVERGED)
-
     def residuals(self, models: Sequence[AxisModel]) -> list[F64 | None]:
         """Weighted deviations under several models, simulated at once.
 
@@ -186,8 +175,9 @@ class AxisProblem:
         return found
 
     def residuals_or_worst(self, models: Sequence[AxisModel]) -> list[F64]:
-        """As `residual_or_worst`, of several models at once."""
-        return [self._largest() if r is None else r for r in self.residuals(models)]
+        """As `residuals`; the largest ones where physics does not allow a model."""
+        worst = np.full(2 * sum(int(mask.sum()) for mask in self.masks), _DIVERGED)
+        return [worst if residual is None else residual for residual in self.residuals(models)]
 
     def cost(self, model: AxisModel, residual: F64) -> float:
         """Twice the negative log posterior."""
@@ -219,7 +209,7 @@ class AxisProblem:
 
     def unfitted(self, model: AxisModel) -> Fitted:
         """A model as it is; with the largest deviations where physics does not allow it."""
-        residual = self.residual_or_worst(model)
+        (residual,) = self.residuals_or_worst([model])
         return Fitted(model, self.cost(model, residual), residual, None)
 
     def reweighted(self, fitted: Fitted) -> Fitted:

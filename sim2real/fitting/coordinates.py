@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
-from sim2real.fitting.axis_model import Term
+from sim2real.fitting.axis_model import AxisModel, Term
 
 F64 = NDArray[np.float64]
 
@@ -113,3 +113,18 @@ def from_coordinates(term: Term, axis: AxisSettings, where: F64) -> Term:
         c.outward(float(u)) for c, u in zip(coordinates(term.effect, axis), where, strict=True)
     )
     return Term(term.effect, values)
+
+
+def effect_coordinates(model: AxisModel, axis: AxisSettings) -> F64:
+    """Coordinates of all effects of a model, float64[P]."""
+    return np.concatenate([np.empty(0), *(to_coordinates(term, axis) for term in model.terms)])
+
+
+def with_coordinates(model: AxisModel, axis: AxisSettings, base: F64, where: F64) -> AxisModel:
+    """The model with other base parameters, float64[NUISANCES], and coordinates, float64[P]."""
+    widths = np.cumsum([len(term.values) for term in model.terms])
+    parts = np.split(where, widths[:-1]) if model.terms else []
+    terms = (
+        from_coordinates(term, axis, part) for term, part in zip(model.terms, parts, strict=True)
+    )
+    return AxisModel(base, tuple(terms))

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from sim2real.fitting.axis_model import MAX_REFINEMENT, MAX_SIGMAS, NUISANCES, STEP, AxisModel
 from sim2real.fitting.axis_problem import AxisProblem, Fitted, agreeing_slope
-from sim2real.fitting.coordinates import Coordinate, coordinates, from_coordinates, to_coordinates
+from sim2real.fitting.coordinates import (
+    Coordinate,
+    coordinates,
+    effect_coordinates,
+    from_coordinates,
+    to_coordinates,
+    with_coordinates,
+)
 from sim2real.fitting.normal_equations import (
     information_matrix,
     invert_scaled,
@@ -254,14 +261,6 @@ def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -
 
 def _apply_step(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
     """The model after a step of base parameters and all effects' coordinates."""
-    terms, at = [], NUISANCES
-    for term in model.terms:
-        width = len(term.values)
-        terms.append(
-            from_coordinates(
-                term, problem.axis, to_coordinates(term, problem.axis) + step[at : at + width]
-            )
-        )
-        at += width
     base = np.clip(model.base + step[:NUISANCES], *_limits(problem.spread))
-    return AxisModel(base, tuple(terms))
+    where = effect_coordinates(model, problem.axis) + step[NUISANCES:]
+    return with_coordinates(model, problem.axis, base, where)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,9 @@ from sim2real.fitting import (
     AxisModel,
     Term,
     coordinates,
-    from_coordinates,
+    effect_coordinates,
     invert_scaled,
-    to_coordinates,
+    with_coordinates,
 )
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.held_out import FLOOR_LEVEL
@@ -125,32 +125,26 @@ def derivatives(
         by: indices of the parameters; None for all.
     """
     where = _vector(loop, model)
-    steps = [
-        _BASE_STEP / spread * (1.0 if at <= 0.0 else -1.0)
-        for spread, at in zip(loop.spread, where, strict=False)
-    ]
-    for term in model.terms:
-        steps += [step for step, _ in _strides(loop, term)]
+    inward = np.where(where[:STEP] <= 0.0, _BASE_STEP, -_BASE_STEP) / loop.spread
+    steps = [*inward, *(step for term in model.terms for step, _ in _strides(loop, term))]
     moved = {}
     by = range(len(steps)) if by is None else by
     for j in by:
-        step = steps[j]
         if j < STEP and not loop.has_figure[j]:
             continue
         there = where.copy()
-        there[j] += step
-        other = _model_at(loop, model, there)
-        if j >= STEP and _vector(loop, other)[j] == where[j]:  # at a limit
-            there[j] -= 2.0 * step
-            other = _model_at(loop, model, there)
-        moved[j] = other
+        there[j] += steps[j]
+        moved[j] = _model_at(loop, model, there)
+        if j >= STEP and _vector(loop, moved[j])[j] == where[j]:  # at a limit
+            there[j] -= 2.0 * steps[j]
+            moved[j] = _model_at(loop, model, there)
     columns = np.zeros((len(residual), len(steps)))
-    for (j, other), there_left in zip(
+    for (j, other), changed in zip(
         moved.items(), loop.residuals(list(moved.values())), strict=True
     ):
         change = _vector(loop, other)[j] - where[j]
-        if there_left is not None and change != 0.0:
-            columns[:, j] = (there_left - residual) / change
+        if changed is not None and change != 0.0:
+            columns[:, j] = (changed - residual) / change
     return columns[:, list(by)]
 
 
@@ -196,20 +190,14 @@ def free_cost(
 
 def _vector(loop: FreeLoop, model: AxisModel) -> F64:
     """Base parameters in sigmas, then the coordinates of all effects, float64[P]."""
-    parts = [to_coordinates(term, loop.axis) for term in model.terms]
-    return np.concatenate([model.base[:STEP] / loop.spread, *parts])
+    return np.append(model.base[:STEP] / loop.spread, effect_coordinates(model, loop.axis))
 
 
 def _model_at(loop: FreeLoop, like: AxisModel, where: F64) -> AxisModel:
     """The model at these coordinates, within its limits."""
     base = like.base.copy()
     base[:STEP] = np.clip(where[:STEP], -MAX_SIGMAS, MAX_SIGMAS) * loop.spread
-    terms, at = [], STEP
-    for term in like.terms:
-        count = len(term.values)
-        terms.append(from_coordinates(term, loop.axis, where[at : at + count]))
-        at += count
-    return replace(like, base=base, terms=tuple(terms))
+    return with_coordinates(like, loop.axis, base, where[STEP:])
 
 
 def _limited(loop: FreeLoop, model: AxisModel, step: F64) -> F64:

@@ -8,7 +8,7 @@ forces, then the next recording.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,28 +36,6 @@ _LOW = 120.0
 """Frequency up to which the residual force is known: above, the encoder's noise hides it [Hz]."""
 _DIVERGED = 1e3
 """Elements are clipped to this many floors where a model makes the stage run away."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """One recording of P SYNC periods and K samples, as the free loop needs it.
-
-    Attributes:
-        measured: the recording with its gap.
-        demand, offset: setpoints, float64[P] [m, N].
-        rest_force: motor force at the start [N].
-        valid: bool[K].
-        signals: position and force as recorded, float64[K] [m, N].
-        floors: of position and force [m, N].
-    """
-
-    measured: Measured
-    demand: F64
-    offset: F64
-    rest_force: float
-    valid: BoolArray
-    signals: tuple[F64, F64]
-    floors: tuple[float, float]
 
 
 class FreeLoop:
@@ -104,39 +82,30 @@ class FreeLoop:
             name == "mass" or getattr(self.axis.friction, name) != 0.0 for name in BASE
         ]
         self.measured = tuple(measured)
-        self._runs = [self._prepare(m) for m in measured]
         moves, folds, count = [], [], 0
-        for run in self._runs:
-            number = np.zeros(len(run.valid), dtype=np.int64)
-            found = split_moves(run.measured.replay.recording, run.measured.replay.period)
-            for block in found:
+        for m in measured:
+            valid = m.replay.valid(name)
+            number = np.zeros(len(valid), dtype=np.int64)
+            blocks = split_moves(m.replay.recording, m.replay.period)
+            for block in blocks:
                 number[block.start : block.stop] = count + block.number
-            count += len(found)
-            folds += [(block.number // 2) % FOLDS for block in found]
-            moves += [number[run.valid]] * 2
+            count += len(blocks)
+            folds += [(block.number // 2) % FOLDS for block in blocks]
+            moves += [number[valid]] * 2
         self.move: NDArray[np.int64] = np.concatenate(moves)
         self.samples: F64 = np.bincount(self.move, minlength=count) / 2.0
         self.fold = np.array(folds, dtype=np.int64)
         period = measured[0].replay.period
-        self.duration = max(len(r.demand) for r in self._runs) * period
-        self.travelled = (
-            min(float(r.demand.min()) for r in self._runs),
-            max(float(r.demand.max()) for r in self._runs),
-        )
+        demands = [m.replay.demand[:, self._at] for m in measured]
+        self.duration = max(map(len, demands)) * period
+        self.travelled = min(float(d.min()) for d in demands), max(float(d.max()) for d in demands)
         self.extent = max(self.travelled[1] - self.travelled[0], 1e-6)
         self.coherent = max(1.0, self.axis.correlation_time / period)
 
-    def _prepare(self, m: Measured) -> _Run:
-        signals, floor = m.replay.recording.axes[self.name], m.floor.rms[self.name]
-        return _Run(
-            m,
-            m.replay.demand[:, self._at],
-            m.replay.offset[:, self._at],
-            m.replay.rest_force[self._at],
-            m.replay.valid(self.name),
-            (signals.position_actual, signals.force_actual),
-            (max(floor["position"], 1e-12), max(floor["force"], 1e-12)),
-        )
+    def _floors(self, m: Measured) -> tuple[float, float]:
+        """Of position and force [m, N]."""
+        floor = m.floor.rms[self.name]
+        return max(floor["position"], 1e-12), max(floor["force"], 1e-12)
 
     def residuals(self, models: Sequence[AxisModel]) -> list[F64 | None]:
         """What models leave, float64[R] each; None for values that physics does not allow."""
@@ -173,7 +142,7 @@ class FreeLoop:
         try:
             each = [
                 self._simulated(number, list(together.values()))
-                for number in range(len(self._runs))
+                for number in range(len(self.measured))
             ]
         except ValueError:  # of one of them: run alone, it shows which
             return found if len(models) == 1 else [self._side_by_side([m])[0] for m in models]
@@ -191,18 +160,17 @@ class FreeLoop:
         Raises:
             ValueError: values that physics does not allow.
         """
-        run = self._runs[number]
+        replay, at = self.measured[number].replay, self._at
         response = simulate_variants(
-            self.settings.sync_period, variants, run.demand, run.offset, run.rest_force,
-            rounded=False, substeps=self._substeps, start=run.measured.replay.start,
+            self.settings.sync_period, variants, replay.demand[:, at], replay.offset[:, at],
+            replay.rest_force[at], rounded=False, substeps=self._substeps, start=replay.start,
         )  # fmt: skip
         return response.position, response.force
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """Position and force of the axis where others must be simulated too, float64[P] [m, N]."""
-        run = self._runs[number]
+        replay = self.measured[number].replay
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
-        replay = run.measured.replay
         stage = replace(self.settings, axes=axes, start=replay.start)
         response = simulate(
             stage, replay.demand, replay.offset, None, replay.rest_force,
@@ -214,27 +182,23 @@ class FreeLoop:
         if not variants:
             return []
         position, force = self.respond(number, variants)
-        run = self._runs[number]
-        return [self._left(run, position[:, i], force[:, i]) for i in range(len(variants))]
+        return [self._left(number, position[:, i], force[:, i]) for i in range(len(variants))]
 
     def _jointly(self, axis: AxisSettings) -> F64:
         """The residual of an axis that has to be simulated together with others, float64[R]."""
-        parts = [
-            self._left(run, *self.respond_jointly(number, axis))
-            for number, run in enumerate(self._runs)
-        ]
-        return np.concatenate(parts)
+        numbers = range(len(self.measured))
+        return np.concatenate([self._left(n, *self.respond_jointly(n, axis)) for n in numbers])
 
-    def _left(self, run: _Run, position: F64, force: F64) -> F64:
-        place = run.measured.replay.place
-        parts = [
-            (recorded - simulated[place])[run.valid] / floor
-            for recorded, simulated, floor in zip(
-                run.signals, (position, force), run.floors, strict=True
-            )
-        ]
-        left = np.nan_to_num(np.concatenate(parts), nan=_DIVERGED)
-        return np.asarray(np.clip(left, -_DIVERGED, _DIVERGED))
+    def _left(self, number: int, position: F64, force: F64) -> F64:
+        m = self.measured[number]
+        place, valid = m.replay.place, m.replay.valid(self.name)
+        recorded, floors = m.replay.recording.axes[self.name], self._floors(m)
+        parts = (
+            (recorded.position_actual - position[place])[valid] / floors[0],
+            (recorded.force_actual - force[place])[valid] / floors[1],
+        )
+        residual = np.nan_to_num(np.concatenate(parts), nan=_DIVERGED)
+        return np.asarray(np.clip(residual, -_DIVERGED, _DIVERGED))
 
     def energies(self, residual: F64) -> F64:
         """Squared residual over floor, summed over each move, float64[moves]."""
@@ -255,7 +219,7 @@ class FreeLoop:
 
     def wave_lines(self, over_travel: bool) -> F64:
         """Waves that are sought in the residual force: per metre of travel, or in Hz."""
-        period = self._runs[0].measured.replay.period
+        period = self.measured[0].replay.period
         extent = self.extent if over_travel else self.duration
         most = 1.0 / _SHORTEST if over_travel else 0.4 / period
         return np.asarray(np.arange(1.0, max(most * extent, 2.0), 1.0 / _OVERSAMPLED) / extent)
@@ -276,22 +240,23 @@ class FreeLoop:
         mass = float(model.settings(self.axis).mass)
         power = np.zeros(len(lines))
         at = 0
-        for run in self._runs:
-            count = int(run.valid.sum())
-            position = residual[at : at + count] * run.floors[0]
-            force = residual[at + count : at + 2 * count] * run.floors[1]
+        for m in self.measured:
+            valid, recorded = m.replay.valid(self.name), m.replay.recording.axes[self.name]
+            count, floors = int(valid.sum()), self._floors(m)
+            position = residual[at : at + count] * floors[0]
+            force = residual[at + count : at + 2 * count] * floors[1]
             counted = own[at : at + count]
             at += 2 * count
-            period = run.measured.replay.period
-            place = run.measured.replay.place[run.valid]
-            travel = run.signals[0][run.valid]  # it lags behind the demand, each way
+            period = m.replay.period
+            place = m.replay.place[valid]
+            travel = recorded.position_actual[valid]  # it lags behind the demand, each way
             low = butter(3, min(_LOW * 2.0 * period, 0.8), output="sos")
             position, force = sosfiltfilt(low, position), sosfiltfilt(low, force)
             force = force - mass * np.gradient(np.gradient(position, period), period)
-            speed = np.gradient(run.demand[place], period)
+            speed = np.gradient(m.replay.demand[place, self._at], period)
             force = force - _plain_part(force, speed, travel)
             if per_force:
-                force = force * sosfiltfilt(low, run.signals[1][run.valid])
+                force = force * sosfiltfilt(low, recorded.force_actual[valid])
             if over_travel:
                 counted = counted & (np.abs(speed) > _MOVING * np.abs(speed).max())
             where = np.asarray(travel if over_travel else period * place, dtype=np.float64)[counted]

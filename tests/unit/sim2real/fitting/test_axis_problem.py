@@ -12,8 +12,8 @@ from sim2real.fitting import (
     AxisModel,
     Term,
     fit,
-    slow_energy,
 )
+from sim2real.fitting.axis_problem import slow_energy
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 

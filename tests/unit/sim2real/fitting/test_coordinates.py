@@ -10,8 +10,8 @@ from sim2real.fitting import (
     Term,
     coordinates,
     from_coordinates,
-    to_coordinates,
 )
+from sim2real.fitting.coordinates import to_coordinates
 from stagedata import Recording
 
 

@@ -47,7 +47,7 @@ def test_a_fit_steps_back_from_what_physics_forbids(
     stiff = AxisModel(np.zeros(NUISANCES), (Term(library()["presliding_stiffness"], (1e4,)),))
     with pytest.raises(ValueError, match="too stiff"):
         problem.residual(stiff)
-    worst = problem.residual_or_worst(stiff)
+    (worst,) = problem.residuals_or_worst([stiff])
     assert problem.cost(stiff, worst) > 10.0 * problem.cost(
         problem.start, problem.residual(problem.start)
     )

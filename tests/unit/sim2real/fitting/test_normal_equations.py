@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim2real.fitting import (
-    NUISANCES,
+from sim2real.fitting import NUISANCES
+from sim2real.fitting.normal_equations import (
     information_matrix,
     invert_scaled,
     sandwich_covariance,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from sim2real.fitting import Stopped, Workers
+from sim2real.fitting.workers import Stopped, Workers
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
