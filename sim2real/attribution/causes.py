@@ -36,36 +36,36 @@ from sim2real.scoring.constants import (
 
 
 def find_causes(
-    found: AxisResult, held_out: HeldOut, *, along_motion: bool
+    result: AxisResult, held_out: HeldOut, *, along_motion: bool
 ) -> tuple[list[Cause], list[Confusable]]:
     """The causes found on an axis, and the effects that could take their place.
 
     Args:
-        found: its search, after the closed-loop check.
+        result: its search, after the closed-loop check.
         held_out: what models leave on held-out moves.
         along_motion: whether they are those of the force along the measured motion.
     """
-    axis, terms = found.axis, found.best.model.terms
+    axis, terms = result.axis, result.best.model.terms
     causes: list[Cause] = []
     alike: list[Confusable] = []
-    variances = np.diag(found.covariance())[STEP:] if terms else np.empty(0)
+    variances = np.diag(result.covariance())[STEP:] if terms else np.empty(0)
     sigmas = iter(np.sqrt(np.maximum(variances, 0.0)).tolist())
     for index, term in enumerate(terms):
         values = reported_values(term)
         figures = {}
         for entry, fitted in zip(coordinates(term.effect, axis), sigmas, strict=False):
-            key, own = entry.parameter.key, abs(entry.slope(values[entry.parameter.key]))
-            sigma = found.scatter * fitted * own
+            key, per_coordinate = entry.parameter.key, abs(entry.slope(values[entry.parameter.key]))
+            sigma = result.scatter * fitted * per_coordinate
             if not along_motion:
                 sigma = math.hypot(sigma, _inaccuracy(term.effect, entry, values, axis))
             figures[key] = Parameter(values[key], sigma, unit_on(axis, entry.parameter.unit))
-        probability, others = found.probability(term.name)
+        probability, others = result.probability(term.name)
         gives_back, interval = held_out.given_back(axis.name, index)
         causes.append(
             Cause(
                 axis.name,
                 term.name,
-                min(probability, _largest_probability(found, term, figures)),
+                min(probability, _largest_probability(result, term, figures)),
                 figures,
                 gives_back,
                 interval,
@@ -74,36 +74,36 @@ def find_causes(
         )
         if others:
             where = "along this motion" if along_motion else "on these moves"
-            why = f"{where} one fits nearly as well as the other{_later(found, term)}"
+            why = f"{where} one fits nearly as well as the other{_later(result, term)}"
             alike.append(Confusable(axis.name, (term.name, *others), why))
     return causes, alike
 
 
-def _later(found: AxisResult, term: Term) -> str:
+def _later(result: AxisResult, term: Term) -> str:
     """What to do about an effect that only time tells from another level of friction."""
-    models = [a.model for a in found.alternatives] if term.name in found.levels else []
-    swaps = {t.name: t for m in models for t in m.terms if t.name in found.levels[term.name]}
-    later = any(is_coulomb_drift(t, found.axis) for t in (term, *swaps.values()) if swaps)
+    models = [a.model for a in result.alternatives] if term.name in result.levels else []
+    swaps = {t.name: t for m in models for t in m.terms if t.name in result.levels[term.name]}
+    later = any(is_coulomb_drift(t, result.axis) for t in (term, *swaps.values()) if swaps)
     return "; a recording minutes later tells them apart" if later else ""
 
 
-def _largest_probability(found: AxisResult, term: Term, figures: Mapping[str, Parameter]) -> float:
+def _largest_probability(result: AxisResult, term: Term, figures: Mapping[str, Parameter]) -> float:
     """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
 
     Doubt arises from a size that may be zero by its sigma (unless the effect has another shape than
     the library's), and from implausible values (unless the effect stands for a free form, or alone
     explains the axis completely). What the fit needs is doubted for both only.
     """
-    axis = found.axis
-    is_free = term.name in found.repeats and found.repeats[term.name].is_free
-    alone = found.is_complete and len(found.best.model.terms) == 1
+    axis = result.axis
+    is_free = term.name in result.repeats and result.repeats[term.name].is_free
+    alone = result.is_complete and len(result.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
-    uncertain = not found.departs(term.name) and any(
+    uncertain = not result.departs(term.name) and any(
         _is_size_uncertain(entry, figures, axis) for entry in entries
     )
     implausible = not (is_free or alone) and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
-    return DOUBTED if doubts > found.is_needed(term) else 1.0
+    return DOUBTED if doubts > result.is_needed(term) else 1.0
 
 
 def _is_size_uncertain(
@@ -145,27 +145,27 @@ def _inaccuracy(
     return math.hypot(RELATIVE * abs(value - neutral), wander, step)
 
 
-def list_candidates(found: AxisResult, causes: Sequence[Cause], gap: float) -> list[Candidate]:
+def list_candidates(result: AxisResult, causes: Sequence[Cause], gap: float) -> list[Candidate]:
     """The most promising effects of an axis, causes or not.
 
     Args:
-        found: its search.
+        result: its search.
         causes: found on it.
         gap: combined squared gap less its floor, of all axes.
     """
-    name = found.axis.name
-    if not found.scanned and found.free is not None:
-        alone = {s.effects[0]: s.closed for s in found.free.steps if len(s.effects) == 1}
-        names = sorted(found.best.model.names())
-        listed = [Candidate(name, n, found.probability(n)[0], alone.get(n)) for n in names]
+    name = result.axis.name
+    if not result.scanned and result.free is not None:
+        alone = {s.effects[0]: s.closed for s in result.free.steps if len(s.effects) == 1}
+        names = sorted(result.best.model.names())
+        listed = [Candidate(name, n, result.probability(n)[0], alone.get(n)) for n in names]
         return sorted(listed, key=lambda candidate: -candidate.probability)[:SHOWN]
     probabilities = {cause.effect: cause.probability for cause in causes}
     closes = {
-        alternative.model.names()[0]: (found.open_gap - alternative.gap) / max(gap, 1e-9)
-        for alternative in of_size(found.alternatives, 1)
+        alternative.model.names()[0]: (result.open_gap - alternative.gap) / max(gap, 1e-9)
+        for alternative in of_size(result.alternatives, 1)
     }
     closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
-    gains = {effect: candidate.gain for effect, candidate in found.scanned.items()}
+    gains = {effect: candidate.gain for effect, candidate in result.scanned.items()}
     ranked = sorted(gains.items(), key=lambda item: -item[1])[:SHOWN]
     remaining = max(0.0, 1.0 - sum(probabilities.values()))
     total = sum(math.log1p(max(gain, 0.0)) for n, gain in ranked if n not in probabilities) + 1e-9

@@ -29,7 +29,6 @@ from sim2real.fitting import (
     with_base,
 )
 from sim2real.free_loop import FreeSearch, move_covariance, search_free
-from sim2real.gap import Signals
 from sim2real.held_out import HeldOut, Remaining
 from sim2real.open_loop import (
     FIGURES,
@@ -91,80 +90,59 @@ def search_along_motion(
                 for n, effect in library.items()
                 if effect.searched and n not in same and n not in _BEHIND
             }
-            searches[name] = loop, search_free(loop, sought, advance)
+            searches[name] = search_free(loop, sought, advance)
         progress("effects", 100 * len(names), 100 * len(names))
-        results = {name: _result(found) for name, (_, found) in searches.items()}
+        results = {name: _result(search) for name, search in searches.items()}
         return results, _hold_out(examined, searches)
 
 
-def _result(found: FreeSearch) -> AxisResult:
-    loop, best = found.loop, found.best
+def _result(search: FreeSearch) -> AxisResult:
+    loop, best = search.loop, search.best
     covariance = move_covariance(loop, best)
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
         best=Fitted(best.model, best.cost, best.residual, covariance),
-        open_gap=found.open_gap,
-        is_complete=found.is_near_floor(),
-        free=found,
+        open_gap=search.open_gap,
+        is_complete=search.is_near_floor(),
+        free=search,
     )
 
 
-def _hold_out(
-    examined: Examination, searches: Mapping[str, tuple[MotionLoop, FreeSearch]]
-) -> HeldOut:
+def _hold_out(examined: Examination, searches: Mapping[str, FreeSearch]) -> HeldOut:
     """What the models leave of the moves, each by the fit that did not see it."""
-    loops = [loop for loop, _ in searches.values()]
     # `MotionLoop` counts the force twice, in place of the position: half of that energy is real.
-    before = np.column_stack([loop.energies(loop.residual(loop.start)) / 2.0 for loop in loops])
+    loops = {name: search.loop for name, search in searches.items()}
+    before = [loop.energies(loop.residual(loop.start)) / 2.0 for loop in loops.values()]
     after = {
-        name: _by_fold(loop, [fold.residual for fold in found.folds])
-        for name, (loop, found) in searches.items()
+        name: loops[name].held_out([fold.residual for fold in search.folds]) / 2.0
+        for name, search in searches.items()
     }
-    samples = np.column_stack([loop.samples for loop in loops])
     without = {}
-    for name, (loop, found) in searches.items():
-        for index, effect in enumerate(found.best.model.names()):
-            fewer = [_without(fold.model, effect) for fold in found.folds]
-            energies = {**after, name: _by_fold(loop, [loop.residual(model) for model in fewer])}
-            without[name, index] = Remaining(np.column_stack(list(energies.values())), {})
-    floors = {name: signals["force"].floor for name, signals in (examined.gap or {}).items()}
-    rms = {
-        name: {"force": math.sqrt(float(left.sum() / loop.samples.sum())) * floors[name]}
-        for (name, left), loop in zip(after.items(), loops, strict=True)
-    }
+    for name, search in searches.items():
+        for index, effect in enumerate(search.best.model.names()):
+            fewer = [loops[name].residual(_without(fold.model, effect)) for fold in search.folds]
+            energies_of = {**after, name: loops[name].held_out(fewer) / 2.0}
+            without[name, index] = Remaining(np.column_stack(list(energies_of.values())), {})
+    rms = {}
+    for name, energies in after.items():
+        floors = math.sqrt(float(energies.sum() / loops[name].samples.sum()))
+        rms[name] = {"force": floors * (examined.gap or {})[name]["force"].floor}
+    models = {name: search.best.model for name, search in searches.items()}
+    stage = compose_stage(examined.settings, models)
     return HeldOut(
-        samples,
-        before,
+        np.column_stack([loop.samples for loop in loops.values()]),
+        np.column_stack(before),
         Remaining(np.column_stack(list(after.values())), rms),
         without,
         {name: slice(at, at + 1) for at, name in enumerate(searches)},
-        _explained(examined, searches),
+        tuple(compare_along(motion, stage).floor.nominal for motion in examined.motions),
     )
-
-
-def _by_fold(loop: MotionLoop, residuals: Sequence[F64]) -> F64:
-    """Energies of the moves, each by the fold that it is held in, float64[moves]."""
-    each = np.array([loop.energies(residual) for residual in residuals]) / 2.0
-    return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
 
 
 def _without(model: AxisModel, name: str) -> AxisModel:
     names = model.names()
     return model.without(names.index(name)) if name in names else model
-
-
-def _explained(
-    examined: Examination, searches: Mapping[str, tuple[MotionLoop, FreeSearch]]
-) -> tuple[Signals, ...]:
-    """Signals of the final models, one entry per recording."""
-    explained: list[Signals] = []
-    for number, measured in enumerate(examined.measured):
-        signals = {name: dict(nominal) for name, nominal in measured.floor.nominal.items()}
-        for name, (loop, found) in searches.items():
-            signals[name]["force"] = loop.force_of(number, found.best.model.settings(loop.axis))
-        explained.append(signals)
-    return tuple(explained)
 
 
 def describe_forces(
@@ -198,14 +176,14 @@ def fitted_figures(
 ) -> tuple[FittedFigure, ...]:
     """What the machine file leaves unknown, as the final models have it."""
     figures = []
-    for name, found in results.items():
+    for name, search in results.items():
         for figure in examined.unknown.get(name, ()):
             if figure not in FIGURES:
                 continue
             at, base = BASE.index(figure), models[name].base
-            value = plant_figure(with_base(found.axis, base), figure)
-            relative = math.sqrt(max(float(found.covariance()[at, at]), 0.0)) * found.spread[at]
+            value = plant_figure(with_base(search.axis, base), figure)
+            relative = math.sqrt(max(float(search.covariance()[at, at]), 0.0)) * search.spread[at]
             sigma = float(relative / (1.0 + base[at]) * value)
-            unit = unit_on(found.axis, FIGURES[figure])
+            unit = unit_on(search.axis, FIGURES[figure])
             figures.append(FittedFigure(name, figure, value, sigma, unit))
     return tuple(figures)

@@ -63,10 +63,12 @@ class FittedFigures:
     scatter: float = 1.0
 
 
-def figures_of(found: AxisResult) -> FittedFigures:
+def figures_of(result: AxisResult) -> FittedFigures:
     """The figures of a search."""
-    spread = found.spread[:STEP].copy()
-    return FittedFigures(found.axis, found.best.model, found.covariance(), spread, found.scatter)
+    spread = result.spread[:STEP].copy()
+    return FittedFigures(
+        result.axis, result.best.model, result.covariance(), spread, result.scatter
+    )
 
 
 def settle_figures(

@@ -67,7 +67,7 @@ def give_reason(
     if examined.open_loop is None:
         far_off = describe_far_off(examined)
         return f"{gap}, and no effect of the library explains it" + (far_off and f"; {far_off}")
-    searches = {name: found.free for name, found in results.items() if found.free is not None}
+    searches = {name: result.free for name, result in results.items() if result.free is not None}
     name, nearest = max(searches.items(), key=lambda item: item[1].closed)
     if nearest.steps:
         names = ", ".join(nearest.steps[-1].effects)
@@ -97,9 +97,9 @@ def _departed(results: Mapping[str, AxisResult]) -> str:
     """Effects whose shape is not the library's."""
     names = [
         f"{effect} on {axis}"
-        for axis, found in results.items()
-        for effect in found.repeats
-        if found.departs(effect)
+        for axis, result in results.items()
+        for effect in result.repeats
+        if result.departs(effect)
     ]
     return f"; the shape of {' and '.join(names)} is not the library's" if names else ""
 

@@ -88,8 +88,8 @@ def conclude(
         results: axis -> what its search found.
         held_out: what models leave on held-out moves.
     """
-    found, candidates, confusable = _gather(examined, results, held_out)
-    causes = [cause for cause in found if cause.probability > 0.5]
+    considered, candidates, confusable = _gather(examined, results, held_out)
+    causes = [cause for cause in considered if cause.probability > 0.5]
     whole = all(
         result.is_complete and not any(map(result.departs, result.repeats))
         for result in results.values()
@@ -97,7 +97,7 @@ def conclude(
     after = _as_named(examined, results, held_out, causes)
     whole = whole and after is held_out.after
     share, interval = share_closed(held_out.before, after.energies, held_out.samples)
-    verdict = _verdict(examined, results, held_out, (found, causes), share, whole)
+    verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     plain = report_without_causes(examined)
     report = replace(
         plain,
@@ -137,7 +137,7 @@ def conclude(
 
 
 def _searches(results: Mapping[str, AxisResult]) -> dict[str, AxisSearch]:
-    return {name: found for name, found in results.items() if isinstance(found, AxisSearch)}
+    return {name: result for name, result in results.items() if isinstance(result, AxisSearch)}
 
 
 def _with_twin(
@@ -153,11 +153,11 @@ def _with_twin(
             test = FreeFormTest(name, examined.measured, examined.settings)
             profiles += test.profiles(diagnosis.models)
     settled = {
-        name: settle_figures(figures_of(found), examined.unknown.get(name, ()))
-        for name, found in results.items()
+        name: settle_figures(figures_of(result), examined.unknown.get(name, ()))
+        for name, result in results.items()
     }
     models = {name: model for name, (model, _) in settled.items()}
-    changes = tuple(change for _, own in settled.values() for change in own)
+    changes = tuple(change for _, changed in settled.values() for change in changed)
     return replace(
         diagnosis,
         report=replace(diagnosis.report, figures=changes),
@@ -166,9 +166,9 @@ def _with_twin(
         plant=moved_figures(examined.settings, models),
         profiles=tuple(profiles),
         steps={
-            name: tuple(step.model for step in found.free.steps)
-            for name, found in results.items()
-            if found.free is not None
+            name: tuple(step.model for step in result.free.steps)
+            for name, result in results.items()
+            if result.free is not None
         },
     )
 
@@ -179,13 +179,15 @@ def _gather(
     """Causes, largest share of the gap first, candidates and confusable effects of all axes."""
     above_floor = combined_energy(held_out.before, held_out.samples) - held_out.before.shape[1]
     causes, candidates, confusable = [], [], []
-    for found in results.values():
-        own: list[Cause] = []
-        if found.free is None or found.free.names_causes():
-            own, alike = find_causes(found, held_out, along_motion=examined.open_loop is not None)
-            causes += own
+    for result in results.values():
+        causes_here: list[Cause] = []
+        if result.free is None or result.free.names_causes():
+            causes_here, alike = find_causes(
+                result, held_out, along_motion=examined.open_loop is not None
+            )
+            causes += causes_here
             confusable += alike
-        candidates += list_candidates(found, own, above_floor)
+        candidates += list_candidates(result, causes_here, above_floor)
     causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
     return causes, candidates, confusable
 
@@ -203,8 +205,8 @@ def _as_named(
     named = {(cause.axis, cause.effect) for cause in causes}
     unnamed = [
         held_out.without[axis, index]
-        for axis, found in results.items()
-        for index, name in enumerate(found.best.model.names())
+        for axis, result in results.items()
+        for index, name in enumerate(result.best.model.names())
         if (axis, name) not in named
     ]
     if not causes or not unnamed or examined.open_loop is not None:
@@ -230,7 +232,7 @@ def _verdict(
         share: of the gap that these close.
         whole: whether all axes are complete and no effect departs from its equation.
     """
-    found, named = causes
+    considered, named = causes
     if named:
         enough = whole and share is not None and share >= ENOUGH
         return EXPLAINED if enough else PARTLY_EXPLAINED
@@ -244,8 +246,8 @@ def _verdict(
     else:
         # The better of file and fit counts: figures fitted to a coarse log may be worse than the
         # file's. With improbable causes the file's gap counts, whatever they close.
-        least = float(opened.mean() if found else min(opened.mean(), remaining.mean()))
-        near = not found and least < (NEAR if whole else _SMALLER)
+        least = float(opened.mean() if considered else min(opened.mean(), remaining.mean()))
+        near = not considered and least < (NEAR if whole else _SMALLER)
         small = near or least < NO_GAP_BELOW
     if not small or describe_far_off(examined):
         return UNEXPLAINED
@@ -257,9 +259,9 @@ def _steps(results: Mapping[str, AxisResult]) -> tuple[SelectionStep, ...]:
     """Steps of the axes where the free loop found the effects."""
     return tuple(
         SelectionStep(axis, step.added, step.effects, step.closed, step.uncertainty)
-        for axis, found in results.items()
-        if found.free is not None and found.best.model.terms
-        for step in found.free.steps
+        for axis, result in results.items()
+        if result.free is not None and result.best.model.terms
+        for step in result.free.steps
     )
 
 
@@ -269,7 +271,7 @@ def _next(
     examined: Examination,
 ) -> NextExperiment | None:
     """Moves that would decide what these recordings leave open; None where nothing is open."""
-    models = {name: found.best.model for name, found in searches.items()}
+    models = {name: result.best.model for name, result in searches.items()}
 
     def between(why: str, axis: str, one: AxisModel, other: AxisModel) -> NextExperiment | None:
         return propose_experiment(
@@ -282,13 +284,13 @@ def _next(
         )
 
     for alike in report.confusable:
-        found = searches[alike.axis]
+        result = searches[alike.axis]
         effect, substitute = alike.effects[:2]
-        swapped = {*found.best.model.names(), substitute} - {effect}
-        for alternative in found.alternatives:
+        swapped = {*result.best.model.names(), substitute} - {effect}
+        for alternative in result.alternatives:
             if set(alternative.model.names()) == swapped:
                 why = f"{effect} and {substitute} on {alike.axis} fit nearly as well"
-                return between(why, alike.axis, found.best.model, alternative.model)
+                return between(why, alike.axis, result.best.model, alternative.model)
     if report.verdict == UNEXPLAINED:
         axis = max(searches, key=lambda name: searches[name].open_gap)
         nearer = [

@@ -205,6 +205,15 @@ class FreeLoop:
         summed = np.bincount(self.move, weights=residual**2, minlength=len(self.samples))
         return np.asarray(summed, dtype=np.float64)
 
+    def held_out(self, residuals: Sequence[F64]) -> F64:
+        """Energies of the moves, each by the residual of its fold, float64[moves].
+
+        Args:
+            residuals: for each fold, what the model leaves that was fitted to all others.
+        """
+        each = np.array([self.energies(residual) for residual in residuals])
+        return np.asarray(each[self.fold, np.arange(len(self.fold))])
+
     def gap(self, residual: F64, moves: BoolArray | None = None) -> float:
         """Squared gap over floor, summed over both signals: 2 where nothing but noise is left.
 

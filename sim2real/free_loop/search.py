@@ -19,7 +19,7 @@ from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, implausibility
 from sim2real.free_loop.candidates import FreeDictionary
-from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
+from sim2real.free_loop.fit import FreeFit, fit_free
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.held_out import FLOOR_LEVEL, FOLDS
 from sim2real.scoring import effects_penalty, weigh_effect
@@ -117,10 +117,6 @@ class FreeSearch:
         probability, others = weigh_effect(self.scores, self.best.model.names(), effect)
         return min(self.closed, probability, SURE), others
 
-    def covariance(self) -> F64:
-        """Of the base parameters and all effects' coordinates, float64[P, P]."""
-        return move_covariance(self.loop, self.best)
-
 
 def score(loop: FreeLoop, fitted: FreeFit) -> float:
     """Score of a model that was fitted to all moves, to be minimised.
@@ -148,35 +144,35 @@ def search_free(
     current = selection.fit(loop.start, SHORT)
     folds = [fit_free(loop, loop.start, SHORT, train) for train in _training(loop)]
     opened = loop.gap(loop.residual(loop.start))
-    found = FreeSearch(loop, current, folds, opened, scores=selection.scores)
-    plain = held = _held_out(loop, folds)
+    search = FreeSearch(loop, current, folds, opened, scores=selection.scores)
+    plain = held = loop.held_out([fold.residual for fold in folds])
     while len(current.model.terms) < MOST_EFFECTS:
         new = selection.add_best(current)
         if new is None or score(loop, new) >= score(loop, current):
             break
         current = selection.look_back(new)
         folds = fit_folds(loop, current.model, folds)
-        left = _held_out(loop, folds)
-        names, before = current.model.names(), found.best.model.names()
+        remaining = loop.held_out([fold.residual for fold in folds])
+        names, before = current.model.names(), search.best.model.names()
         progress(len(names) / MOST_EFFECTS)
-        if _fall(loop, held, left)[0] < VISIBLE or not is_certain(held - left):
+        if _fall(loop, held, remaining)[0] < VISIBLE or not is_certain(held - remaining):
             if len(names) - len(before) >= PATIENCE:
                 break
             continue
         added = [name for name in names if name not in before] or [names[-1]]
-        found.steps.append(_step(loop, opened, current.model, added, (held, left)))
-        found.best, found.folds, held = current, folds, left
+        search.steps.append(_step(loop, opened, current.model, added, (held, remaining)))
+        search.best, search.folds, held = current, folds, remaining
         hopeless = HOPELESS * MISFIT * FLOOR_LEVEL
         if len(names) > 3 and loop.gap(current.residual) > hopeless:
             break
     if rival is not None and rival.terms and loop.allows(rival):
         fitted, folds = fit_figures(loop, rival)
-        found.scores[tuple(sorted(rival.names()))] = score(loop, fitted)
-        if score(loop, fitted) < score(loop, found.best):
-            left = _held_out(loop, folds)
-            found.steps = [_step(loop, opened, fitted.model, rival.names(), (plain, left))]
-            found.best, found.folds = fitted, folds
-    return found
+        search.scores[tuple(sorted(rival.names()))] = score(loop, fitted)
+        if score(loop, fitted) < score(loop, search.best):
+            remaining = loop.held_out([fold.residual for fold in folds])
+            search.steps = [_step(loop, opened, fitted.model, rival.names(), (plain, remaining))]
+            search.best, search.folds = fitted, folds
+    return search
 
 
 def _step(
@@ -246,11 +242,11 @@ class _Selection:
     def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> tuple[list[Candidate], F64]:
         """Starts of these effects beside a model, best first; derivatives by base parameters."""
         dictionary = FreeDictionary(self._loop, fitted)
-        found: list[Candidate] = []
+        candidates: list[Candidate] = []
         for name in names:
             if name not in fitted.model.names():
-                found += dictionary.best(self._library[name])
-        return sorted(found, key=lambda c: -c.gain), dictionary.base_columns
+                candidates += dictionary.best(self._library[name])
+        return sorted(candidates, key=lambda c: -c.gain), dictionary.base_columns
 
     def _best_of(
         self, fitted: FreeFit, candidates: Sequence[Candidate], base_columns: F64
@@ -306,12 +302,6 @@ def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> li
 def _training(loop: FreeLoop) -> list[BoolArray]:
     """For each fold, the moves of all others, bool[moves]."""
     return [loop.fold != fold for fold in range(FOLDS)]
-
-
-def _held_out(loop: FreeLoop, fits: Sequence[FreeFit]) -> F64:
-    """Energies of the moves, each by the fit that did not see it, float64[moves]."""
-    each = np.array([loop.energies(f.residual) for f in fits])
-    return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
 
 
 def is_certain(change: F64) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant import force_along, force_variants, needs_all_axes
+from hil_sim.plant import force_along, force_variants
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_units import unit_on
 from sim2real.findings import GapFigures
@@ -118,12 +118,6 @@ class MotionLoop(FreeLoop):
         position = np.broadcast_to(own.position[:, None], force.shape)
         low = [motion.low_pass(self.name, force[:, i]) for i in range(force.shape[1])]
         return position, np.column_stack(low)
-
-    def force_of(self, number: int, axis: AxisSettings) -> F64:
-        """Low-passed force of the axis along recording `number`, float64[P] [N]."""
-        if needs_all_axes(StageSettings(self.settings.sync_period, (axis,))):
-            return self.respond_jointly(number, axis)[1]
-        return self.respond(number, [axis])[1][:, 0]
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """See `FreeLoop.respond_jointly`."""
