@@ -10,12 +10,7 @@ for all of this is in `sim2real.scoring.constants`.
 """
 
 from sim2real.attribution.alternatives import of_size
-from sim2real.attribution.axis_search import (
-    AxisResult,
-    AxisSearch,
-    drop_invisible,
-    measure_closed,
-)
+from sim2real.attribution.axis_search import AxisResult, AxisSearch, drop_invisible, measure_closed
 from sim2real.attribution.causes import find_causes, list_candidates
 from sim2real.attribution.free_form import FreeFormTest, FrictionOverPosition
 from sim2real.attribution.friction_profile import fit_friction_profile, stop_operators

@@ -129,13 +129,13 @@ class TrackedDictionary(Dictionary):
         count = 4 * len(values)
         power = np.abs(np.fft.rfft(values, count)) ** 2
         frequency = np.fft.rfftfreq(count, float(time[1]))
-        left = np.where((frequency > _LOWER * low) & (frequency < _HIGHER * high), power, 0.0)
-        found: list[float] = []
-        while len(found) < _PEAKS and left.max() > 0.0:
-            line = int(left.argmax())
-            found.append(_summit(power, line) * float(frequency[1]))
-            left[np.abs(frequency - frequency[line]) < 2.0 / float(time[-1])] = 0.0
-        return found
+        remaining = np.where((frequency > _LOWER * low) & (frequency < _HIGHER * high), power, 0.0)
+        frequencies: list[float] = []
+        while len(frequencies) < _PEAKS and remaining.max() > 0.0:
+            line = int(remaining.argmax())
+            frequencies.append(_summit(power, line) * float(frequency[1]))
+            remaining[np.abs(frequency - frequency[line]) < 2.0 / float(time[-1])] = 0.0
+        return frequencies
 
 
 def _summit(power: F64, line: int) -> float:

@@ -75,30 +75,30 @@ def settle_levels(
         library: effects by name.
         loop: squared closed-loop gap of the axis under a model.
     """
-    found = Levels(best)
+    levels = Levels(best)
     if problem.axis.wander <= 0.0:
-        return found
-    found.best = _merge(problem, best, library)
-    for index, term in enumerate(found.best.model.terms):
+        return levels
+    levels.best = _merge(problem, best, library)
+    for index, term in enumerate(levels.best.model.terms):
         if not is_level(term, problem.axis):
             continue
-        others = [e for n, e in library.items() if n not in found.best.model.names()]
-        weighed = weigh_levels(problem, found.best.model, [index], [term.effect, *others])
-        tried = {term.name: found.best}
+        others = [e for n, e in library.items() if n not in levels.best.model.names()]
+        weighed = weigh_levels(problem, levels.best.model, [index], [term.effect, *others])
+        tried = {term.name: levels.best}
         for name, evidence in weighed.items():
             if name != term.name and evidence.value > weighed[term.name].value + math.log(ALIKE):
-                swapped = _swap(problem, found.best.model, [index], evidence.term)
+                swapped = _swap(problem, levels.best.model, [index], evidence.term)
                 if problem.is_nearly_white(swapped.residual):
                     tried[name] = swapped
         likely = max(tried, key=lambda name: weighed[name].value)
-        found.best = tried[likely]
-        found.odds[likely] = {
+        levels.best = tried[likely]
+        levels.odds[likely] = {
             name: math.exp(weighed[name].value - weighed[likely].value)
             for name in tried
             if name != likely
         }
-        found.fitted += [Alternative(each, loop(each.model)) for each in tried.values()]
-    return found
+        levels.fitted += [Alternative(each, loop(each.model)) for each in tried.values()]
+    return levels
 
 
 def is_wander(problem: AxisProblem, model: AxisModel) -> bool:
@@ -155,16 +155,16 @@ def weigh_levels(
     motion = list(zip(tracks, times, accelerations, strict=True))
     total = 1.0 + np.concatenate([track.level for track in tracks])
     for index in at:
-        own = level_course(axis, model.terms[index], motion)
-        if own is None:
+        course = level_course(axis, model.terms[index], motion)
+        if course is None:
             return {}
-        total = total * (1.0 + own)
+        total = total * (1.0 + course)
     sliding = np.concatenate([np.abs(track.v) > _SLIDING for track in tracks])
     level = total[sliding] - 1.0
     travelled = min(float(t.x.min()) for t in tracks), max(float(t.x.max()) for t in tracks)
     # Energy of one independent sample of the wander, which is correlated in time.
     unit = 2.0 * problem.axis.correlation_time / period * problem.axis.wander**2
-    found = {}
+    evidence = {}
     for effect in effects:
         nodes = effect_nodes(effect, problem.axis, travelled, FIRST_ORDER, lambda *_: None)
         courses = ((v, level_course(axis, Term(effect, v), motion)) for v in nodes)
@@ -175,8 +175,8 @@ def weigh_levels(
         ]
         if each:
             mean = float(np.logaddexp.reduce([e.value for e in each])) - math.log(len(each))
-            found[effect.name] = replace(max(each, key=lambda e: e.value), value=mean)
-    return found
+            evidence[effect.name] = replace(max(each, key=lambda e: e.value), value=mean)
+    return evidence
 
 
 def level_course(
@@ -219,5 +219,5 @@ def _swap(problem: AxisProblem, model: AxisModel, at: Sequence[int], term: Term)
     """The model with another effect in the place of some, fitted."""
     rest = [each for i, each in enumerate(model.terms) if i not in at]
     terms = (*rest[: at[0]], term, *rest[at[0] :])
-    found = fit(problem, replace(model, terms=terms), 4, thorough=False)
-    return fit(problem.finer_if_close(found.residual), found.model, 2)
+    first = fit(problem, replace(model, terms=terms), 4, thorough=False)
+    return fit(problem.finer_if_close(first.residual), first.model, 2)

@@ -121,16 +121,16 @@ def fit_repeats(
         loop: squared closed-loop gap of the axis under a model.
         share: of what a model leaves in motion, explained by an effect's kind in any shape.
     """
-    found = fit(problem, model, 1, thorough=False)
-    problem.rescale(found.residual)
-    found = problem.recosted(found)
-    columns = problem.base_columns(found.model, found.residual)
-    dictionary = TrackedDictionary(problem, found, columns)
+    single = fit(problem, model, 1, thorough=False)
+    problem.rescale(single.residual)
+    single = problem.recosted(single)
+    columns = problem.base_columns(single.model, single.residual)
+    dictionary = TrackedDictionary(problem, single, columns)
     out = {}
     for index, term in enumerate(model.terms):
         if term.effect.group == "dynamics" or not _has_shape(term.effect):
             continue
-        starts = _repeat_starts(found.model, index, dictionary, library[term.name], problem.axis)
+        starts = _repeat_starts(single.model, index, dictionary, library[term.name], problem.axis)
         trials = problem.workers.map(
             lambda start: fit(problem, start, 10, columns, thorough=False), starts
         )
@@ -139,19 +139,19 @@ def fit_repeats(
             continue
         best = min(trials, key=lambda trial: trial.cost)
         course = is_coulomb_drift(term, problem.axis)
-        single = _fit_single(problem, best.model, term.name, columns) if course else found
+        refitted = _fit_single(problem, best.model, term.name, columns) if course else single
         repeat = Repeat(
-            min(found.cost, single.cost) - best.cost,
-            share(term.effect, found.model),
-            found.cost - problem.expected_cost(),
+            min(single.cost, refitted.cost) - best.cost,
+            share(term.effect, single.model),
+            single.cost - problem.expected_cost(),
             loop(best.model),
-            loop(found.model),
+            loop(single.model),
             best.model,
             course,
         )
         out[term.name] = repeat
         if repeat.closes and repeat.gain > LEAST_GAIN and not repeat.departs:
-            out[term.name] = _fit_further(problem, repeat, found, best, loop)
+            out[term.name] = _fit_further(problem, repeat, single, best, loop)
     return out
 
 
@@ -164,7 +164,7 @@ def _fit_single(problem: AxisProblem, model: AxisModel, name: str, columns: F64)
 def _fit_further(
     problem: AxisProblem,
     repeat: Repeat,
-    found: Fitted,
+    single: Fitted,
     best: Fitted,
     loop: Callable[[AxisModel], float],
 ) -> Repeat:
@@ -176,7 +176,7 @@ def _fit_further(
     wide = problem.outlier
     problem.rescale(best.residual)
     again = fit(problem, best.model, 10, thorough=False)
-    before = problem.recosted(found).cost
+    before = problem.recosted(single).cost
     gain, excess = before - again.cost, before - problem.expected_cost()
     problem.outlier = wide
     return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
@@ -222,18 +222,18 @@ def _repeat_starts(
 ) -> list[AxisModel]:
     """Where to start with an effect twice: beside itself, or split in two."""
     term = model.terms[index]
-    found = []
+    starts = []
     nodes = [_harmonics(term, orders) for orders in ORDERS] if _is_periodic(effect) else [None]
-    for own in nodes:
-        if starts := dictionary.best(effect, nodes=own):
-            found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
+    for wave in nodes:
+        if candidates := dictionary.best(effect, nodes=wave):
+            starts.append(replace(model, terms=(*model.terms, *(s.term for s in candidates))))
     if nodes == [None]:
         halves = tuple(_split_half(term, side, axis) for side in (-1.0, 1.0))
         rest = model.without(index)
-        found.append(replace(rest, terms=(*rest.terms, *halves)))
+        starts.append(replace(rest, terms=(*rest.terms, *halves)))
         if not any(p.role == "place" for p in effect.parameters):
-            found += [model.added(_otherwise_fast(term, by, axis)) for by in _FASTER]
-    return found
+            starts += [model.added(_otherwise_fast(term, by, axis)) for by in _FASTER]
+    return starts
 
 
 def _otherwise_fast(term: Term, by: float, axis: AxisSettings) -> Term:

@@ -30,13 +30,7 @@ from sim2real.fitting import (
 )
 from sim2real.free_loop import FreeSearch, move_covariance, search_free
 from sim2real.held_out import HeldOut, Remaining
-from sim2real.open_loop import (
-    FIGURES,
-    MotionLoop,
-    compare_along,
-    describe_residual,
-    measure_motion,
-)
+from sim2real.open_loop import FIGURES, MotionLoop, compare_along, describe_residual, measure_motion
 
 F64 = NDArray[np.float64]
 

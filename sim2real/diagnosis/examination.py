@@ -224,12 +224,12 @@ def _with_gap(
         compare = partial(compare_with_model, settings=stage, progress=simulated)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                found = _name_errors(recording, compare)
+                compared = _name_errors(recording, compare)
         except ValueError:
             if examined.insufficient is None:
                 raise
             return examined
-        measured.append(found)
+        measured.append(compared)
     gap = pool_gaps([(m.gap, len(m.replay.recording)) for m in measured])
     if examined.insufficient is not None and not _is_finite(gap):
         return examined

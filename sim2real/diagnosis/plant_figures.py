@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
 from sim2real.axis_units import unit_on
 from sim2real.findings import FigureChange
@@ -43,51 +42,24 @@ _KNOWN = math.sqrt(0.5)
 """Largest sigma of a figure that is known, in tolerances."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedFigures:
-    """The figures of one axis as fitted.
-
-    Attributes:
-        axis: by the machine file.
-        model: the final one.
-        covariance: of the base parameters in tolerances, then of the effects' coordinates,
-            float64[P, P].
-        tolerance: relative standard deviations of the base parameters, float64[STEP].
-        scatter: scatter of figures over stages, over what the covariance gives.
-    """
-
-    axis: AxisSettings
-    model: AxisModel
-    covariance: F64
-    tolerance: F64
-    scatter: float = 1.0
-
-
-def figures_of(result: AxisResult) -> FittedFigures:
-    """The figures of a search."""
-    spread = result.spread[:STEP].copy()
-    return FittedFigures(
-        result.axis, result.best.model, result.covariance(), spread, result.scatter
-    )
-
-
 def settle_figures(
-    fitted: FittedFigures, unknown: Collection[str] = ()
+    result: AxisResult, unknown: Collection[str] = ()
 ) -> tuple[AxisModel, tuple[FigureChange, ...]]:
     """The model with the figures that a twin gets, and what changes in the machine file.
 
     Args:
-        fitted: of the axis.
+        result: of the axis' search.
         unknown: figures that the machine file leaves unknown: they have no value to stay at, and
             are not among the changes.
     """
-    deviation = fitted.model.base[:STEP] / fitted.tolerance
+    model, covariance, tolerance = result.best.model, result.covariance(), result.spread[:STEP]
+    deviation = model.base[:STEP] / tolerance
     at_bound = np.abs(deviation) >= _AT_BOUND
     lost = np.array([key in unknown for key in BASE])
     kept = at_bound & ~lost
     while True:
-        moved = _beside(fitted, deviation, kept)
-        sigma = _sigmas(fitted, moved, kept)
+        moved = _beside(covariance, deviation, kept)
+        sigma = _sigmas(result, covariance, moved, kept)
         poor = ~(sigma <= _KNOWN) & ~kept & ~lost  # nor is one whose sigma is no number
         beyond = (np.abs(moved) >= _AT_BOUND) & ~kept & ~lost
         if not (poor | beyond).any():
@@ -96,56 +68,55 @@ def settle_figures(
         doubt = np.nan_to_num(sigma, nan=math.inf)
         worst = np.where(beyond, math.inf, np.where(poor, doubt, -math.inf))
         kept[int(np.argmax(worst))] = True
-    base = fitted.model.base.copy()
-    base[:STEP] = np.clip(moved, -MAX_SIGMAS, MAX_SIGMAS) * fitted.tolerance
-    changes = [_change(fitted, j, base, sigma[j]) for j in np.flatnonzero(~(kept | lost)).tolist()]
+    base = model.base.copy()
+    base[:STEP] = np.clip(moved, -MAX_SIGMAS, MAX_SIGMAS) * tolerance
+    changes = [_change(result, j, base, sigma[j]) for j in np.flatnonzero(~(kept | lost)).tolist()]
     changes += [
-        _change(fitted, j, fitted.model.base, None)
-        for j in np.flatnonzero(at_bound & ~lost).tolist()
+        _change(result, j, model.base, None) for j in np.flatnonzero(at_bound & ~lost).tolist()
     ]
-    return replace(fitted.model, base=base), tuple(c for c in changes if c.new != c.old)
+    return replace(model, base=base), tuple(c for c in changes if c.new != c.old)
 
 
-def _beside(fitted: FittedFigures, deviation: F64, kept: NDArray[np.bool_]) -> F64:
+def _beside(covariance: F64, deviation: F64, kept: NDArray[np.bool_]) -> F64:
     """Deviations where those kept are 0, float64[STEP]: the others as they are likeliest then.
 
     Effects keep their values, which are reported.
     """
     moved = np.where(kept, 0.0, deviation)
     if kept.any():
-        given = np.ones(len(fitted.covariance), dtype=np.bool_)
+        given = np.ones(len(covariance), dtype=np.bool_)
         given[:STEP] = kept
         change = np.zeros(len(given))
         change[:STEP] = moved - deviation
-        inverse = invert_scaled(fitted.covariance[np.ix_(given, given)])
-        along = fitted.covariance[np.ix_(~given, given)] @ inverse @ change[given]
+        inverse = invert_scaled(covariance[np.ix_(given, given)])
+        along = covariance[np.ix_(~given, given)] @ inverse @ change[given]
         moved[~given[:STEP]] += along
     return np.asarray(moved)
 
 
-def _sigmas(fitted: FittedFigures, deviation: F64, kept: NDArray[np.bool_]) -> F64:
+def _sigmas(result: AxisResult, covariance: F64, deviation: F64, kept: NDArray[np.bool_]) -> F64:
     """One sigma of each figure beside those kept, in tolerances, float64[STEP].
 
     As for the parameters of causes (`attribution.causes`): of the fit, of the model's inaccuracy,
     and of the friction's wander.
     """
-    variance = np.diag(fitted.covariance)[:STEP].copy()
+    variance = np.diag(covariance)[:STEP].copy()
     if kept.any():
         own = np.flatnonzero(kept)
-        across = fitted.covariance[:STEP, own]
-        inverse = invert_scaled(fitted.covariance[np.ix_(own, own)])
+        across = covariance[:STEP, own]
+        inverse = invert_scaled(covariance[np.ix_(own, own)])
         variance -= np.einsum("ij,jk,ik->i", across, inverse, across)
-    own_part = fitted.scatter * np.sqrt(np.maximum(variance, 0.0))
+    own_part = result.scatter * np.sqrt(np.maximum(variance, 0.0))
     wander = np.zeros(STEP)
-    wander[BASE.index("coulomb")] = WANDER_SHARE * fitted.axis.wander
+    wander[BASE.index("coulomb")] = WANDER_SHARE * result.axis.wander
     return np.asarray(
-        np.sqrt(own_part**2 + (RELATIVE * deviation) ** 2 + (wander / fitted.tolerance) ** 2)
+        np.sqrt(own_part**2 + (RELATIVE * deviation) ** 2 + (wander / result.spread[:STEP]) ** 2)
     )
 
 
-def _change(fitted: FittedFigures, j: int, base: F64, sigma: float | None) -> FigureChange:
+def _change(result: AxisResult, j: int, base: F64, sigma: float | None) -> FigureChange:
     """A figure that changes, `sigma` in tolerances; None: its fit ends at its bound."""
-    tolerance = float(fitted.tolerance[j])
+    tolerance = float(result.spread[j])
     relative = (MAX_SIGMAS if sigma is None else float(sigma)) * tolerance
     why = (
         f"the fit ends at its bound of {MAX_SIGMAS:g} tolerances: these moves do not determine it, "
@@ -159,8 +130,8 @@ def _change(fitted: FittedFigures, j: int, base: F64, sigma: float | None) -> Fi
     alone = np.zeros(NUISANCES)
     alone[j] = base[j]
     key = BASE[j]
-    old, new = (plant_figure(axis, key) for axis in (fitted.axis, with_base(fitted.axis, alone)))
-    unit = unit_on(fitted.axis, _UNITS[j])
+    old, new = (plant_figure(axis, key) for axis in (result.axis, with_base(result.axis, alone)))
+    unit = unit_on(result.axis, _UNITS[j])
     return FigureChange(
-        fitted.axis.name, key, old, new, relative * abs(old), unit, sigma is not None, why
+        result.axis.name, key, old, new, relative * abs(old), unit, sigma is not None, why
     )

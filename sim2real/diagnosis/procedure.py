@@ -35,12 +35,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
-from sim2real.fitting import (
-    AxisModel,
-    AxisProblem,
-    Workers,
-    compose_stage,
-)
+from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.scoring.constants import REPEATED

@@ -17,7 +17,7 @@ from sim2real.attribution import (
 )
 from sim2real.diagnosis.along_motion import describe_forces, fitted_figures
 from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
-from sim2real.diagnosis.plant_figures import figures_of, settle_figures
+from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.diagnosis.reason import describe_far_off, give_reason
 from sim2real.experiment import propose_experiment
 from sim2real.findings import (
@@ -33,13 +33,7 @@ from sim2real.findings import (
     NextExperiment,
     SelectionStep,
 )
-from sim2real.fitting import (
-    BASE,
-    AxisModel,
-    coordinate,
-    plant_figure,
-    with_base,
-)
+from sim2real.fitting import BASE, AxisModel, coordinate, plant_figure, with_base
 from sim2real.gap import NO_GAP_BELOW, Signals
 from sim2real.held_out import HeldOut, Remaining, combined_energy, share_closed
 from sim2real.scoring.constants import ENOUGH, NEAR
@@ -153,7 +147,7 @@ def _with_twin(
             test = FreeFormTest(name, examined.measured, examined.settings)
             profiles += test.profiles(diagnosis.models)
     settled = {
-        name: settle_figures(figures_of(result), examined.unknown.get(name, ()))
+        name: settle_figures(result, examined.unknown.get(name, ()))
         for name, result in results.items()
     }
     models = {name: model for name, (model, _) in settled.items()}

@@ -227,11 +227,13 @@ def _effect_columns(
         for slope in pending:
             slope.step = slope.inward()
         models = [_with_term(problem, model, s.index, s.where(s.step)) for s in pending]
-        found = problem.residuals_or_worst([*models, *(() if sizes else bare)])
-        sizes = sizes or [float(np.linalg.norm(r - residual)) + 1e-9 for r in found[len(models) :]]
+        residuals = problem.residuals_or_worst([*models, *(() if sizes else bare)])
+        sizes = sizes or [
+            float(np.linalg.norm(r - residual)) + 1e-9 for r in residuals[len(models) :]
+        ]
         pending = [
             slope
-            for slope, there in zip(pending, found, strict=False)
+            for slope, there in zip(pending, residuals, strict=False)
             if not slope.tried(there - residual, sizes[slope.index])
         ]
         if not pending:
@@ -239,14 +241,14 @@ def _effect_columns(
     columns = [slope.change / slope.taken for slope in slopes]
     if both:
         models = [_with_term(problem, model, s.index, s.where(-s.taken)) for s in slopes]
-        found = problem.residuals_or_worst(models)
+        residuals = problem.residuals_or_worst(models)
         columns = [
-            agreeing_slope(own, (residual - there) / slope.taken)
-            for own, there, slope in zip(columns, found, slopes, strict=True)
+            agreeing_slope(column, (residual - there) / slope.taken)
+            for column, there, slope in zip(columns, residuals, slopes, strict=True)
         ]
     reach = np.empty(len(slopes))
-    for k, (slope, own) in enumerate(zip(slopes, columns, strict=True)):
-        size, norm = sizes[slope.index], float(np.linalg.norm(own)) + 1e-12
+    for k, (slope, column) in enumerate(zip(slopes, columns, strict=True)):
+        size, norm = sizes[slope.index], float(np.linalg.norm(column)) + 1e-12
         reach[k] = min(slope.entry.reach, _REACH * size / norm)
         best = np.clip(_SIGNATURE_STEP * size / norm, 1e-7, slope.entry.reach)
         steps[slope.index][slope.j] = best * np.sign(slope.taken)

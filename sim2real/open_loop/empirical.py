@@ -80,7 +80,7 @@ def describe_residual(
     floor = float(np.mean([m.floor.rms[name]["force"] for m in measured]))
     level = _coulomb_level(axis, settings.sync_period, places)
     level[level < floor] = 0.0
-    left = [m.residual[name]["force"][u] for m, u in zip(measured, used, strict=True)]
+    residual = [m.residual[name]["force"][u] for m, u in zip(measured, used, strict=True)]
     folds = _folds(motions, used)
     for skipped in range(len(SPEEDS)):
         shares = fastest * np.array(SPEEDS[skipped:])
@@ -89,14 +89,14 @@ def describe_residual(
             _columns(motion, name, places, speeds)[u]
             for motion, u in zip(motions, used, strict=True)
         ]
-        fit = _TableFit(np.concatenate(columns), np.concatenate(left), folds, level)
+        fit = _TableFit(np.concatenate(columns), np.concatenate(residual), folds, level)
         if len(fit.folds) < 2:
             return None  # nothing can be held out
-        found = fit.solve(fit.folds, fit.choose_weight(fit.folds))
-        against = found[PLACES : 2 * PLACES]
+        heights = fit.solve(fit.folds, fit.choose_weight(fit.folds))
+        against = heights[PLACES : 2 * PLACES]
         factor = 1.0 + np.divide(against, level, out=np.zeros(PLACES), where=level > 0.0)
-        over = np.insert(found[2 * PLACES : -_BESIDE], len(shares), 0.0)
-        parts = (places, found[:PLACES], against, speeds, over, factor)
+        over = np.insert(heights[2 * PLACES : -_BESIDE], len(shares), 0.0)
+        parts = (places, heights[:PLACES], against, speeds, over, factor)
         force = EmpiricalForce(name, 1.0, *(tuple(part.tolist()) for part in parts))
         if ResidualTable().refusal(force.table(), axis) is None:
             break
@@ -135,10 +135,12 @@ class _TableFit:
     def solve(self, folds: Sequence[int], weight: float) -> F64:
         """Heights at the nodes and of the columns beside, fitted to some groups, float64[n]."""
         squares = sum(self._squares[f] for f in folds) / sum(self._counts[f] for f in folds)
-        found = np.linalg.solve(squares[:-1, :-1] + weight * self._penalty, squares[:-1, -1])
+        heights = np.linalg.solve(squares[:-1, :-1] + weight * self._penalty, squares[:-1, -1])
         against = slice(PLACES, 2 * PLACES)
-        found[against] = np.where(self._level > 0.0, np.maximum(found[against], -self._level), 0.0)
-        return np.asarray(found)
+        heights[against] = np.where(
+            self._level > 0.0, np.maximum(heights[against], -self._level), 0.0
+        )
+        return np.asarray(heights)
 
     def choose_weight(self, folds: Sequence[int]) -> float:
         """The penalty weight with which each group is predicted best by a fit to the others.
@@ -171,9 +173,9 @@ class _TableFit:
         count = sum(self._counts.values())
         return energy / count, remaining / count
 
-    def _energy(self, fold: int, found: F64) -> float:
+    def _energy(self, fold: int, heights: F64) -> float:
         """Sum of the squares that these heights leave of a group's force [N^2]."""
-        difference = np.append(-found, 1.0)
+        difference = np.append(-heights, 1.0)
         return float(difference @ self._squares[fold] @ difference)
 
 
@@ -191,9 +193,9 @@ def _columns(motion: Motion, name: str, places: F64, speeds: F64) -> F64:
 def _sampling(motion: Motion, name: str) -> F64:
     """Acceleration and its rate, each over its rms, low-passed like the force, float64[P, 2]."""
     acceleration = motion.axes[name].acceleration
-    found = np.column_stack([acceleration, np.gradient(acceleration, motion.period)])
-    found = np.column_stack([motion.low_pass(name, column) for column in found.T])
-    return np.asarray(found / np.maximum(np.sqrt(np.mean(found**2, axis=0)), 1e-12))
+    columns = np.column_stack([acceleration, np.gradient(acceleration, motion.period)])
+    columns = np.column_stack([motion.low_pass(name, column) for column in columns.T])
+    return np.asarray(columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12))
 
 
 def _coulomb_level(axis: AxisSettings, sync_period: float, places: F64) -> F64:
@@ -226,13 +228,13 @@ def _penalty(size: int) -> F64:
 
 def _folds(motions: Sequence[Motion], used: Sequence[BoolArray]) -> NDArray[np.int64]:
     """The group of each usable sample's strokes, int64: there and back belong together."""
-    found = []
+    groups = []
     first = 0
     for motion, usable in zip(motions, used, strict=True):
         pair = np.zeros(len(motion.recording), dtype=np.int64)
         for block in split_moves(motion.recording, motion.period):
             pair[block.start : block.stop] = block.number // 2
         occurring, number = np.unique(pair[usable], return_inverse=True)
-        found.append(first + number)
+        groups.append(first + number)
         first += len(occurring)
-    return np.asarray(np.concatenate(found) % _FOLDS)
+    return np.asarray(np.concatenate(groups) % _FOLDS)

@@ -77,20 +77,20 @@ def find_delay(motion: Motion, axis: AxisSettings) -> Delay | None:
     """
     cutoff = motion.axes[axis.name].cutoff
     usual = motion.period + 1.0 / (2.0 * math.pi * axis.control.current_bandwidth)
-    found = measure_delay(motion, axis.name, cutoff)
-    if found is None or found.removed < _BETTER:
+    delay = measure_delay(motion, axis.name, cutoff)
+    if delay is None or delay.removed < _BETTER:
         return None
-    if abs(found.value) < usual + _CERTAIN * found.sigma:
+    if abs(delay.value) < usual + _CERTAIN * delay.sigma:
         return None
     lower = [measure_delay(motion, axis.name, share * cutoff) for share in _LOWER]
     if lower[0] is None:
         return None
     for slow in lower:
         if slow is not None:
-            sigma = math.hypot(found.sigma, slow.sigma)
-            if abs(slow.value - found.value) > max(_CERTAIN * sigma, _ALIKE * abs(found.value)):
+            sigma = math.hypot(delay.sigma, slow.sigma)
+            if abs(slow.value - delay.value) > max(_CERTAIN * sigma, _ALIKE * abs(delay.value)):
                 return None
-    return found
+    return delay
 
 
 def measure_delay(motion: Motion, axis: str, cutoff: float) -> Delay | None:
@@ -101,16 +101,16 @@ def measure_delay(motion: Motion, axis: str, cutoff: float) -> Delay | None:
         axis: its name.
         cutoff: that frequency [Hz].
     """
-    own = motion.axes[axis]
-    speed = np.abs(own.velocity)
+    moved = motion.axes[axis]
+    speed = np.abs(moved.velocity)
     slow = speed < _FAST * float(speed.max())
     around = max(1, round(0.5 / cutoff / motion.period))
-    usable = own.usable & ~spread(slow | ~own.usable, around)
-    columns = _parts_of_force(own, usable, cutoff, motion.period)
+    usable = moved.usable & ~spread(slow | ~moved.usable, around)
+    columns = _parts_of_force(moved, usable, cutoff, motion.period)
     if len(columns) <= _PARTS * columns.shape[1]:
         return None
     at = np.flatnonzero(usable)
-    force = low_passed(own.logged, cutoff, motion.period)
+    force = low_passed(moved.logged, cutoff, motion.period)
     fit = _Fit(columns, at, force, motion.period)
     reach = max(_SAMPLES * motion.period, _SECONDS)
     steps = max(4, math.ceil(reach * cutoff / _STEP))
@@ -171,12 +171,12 @@ class _Fit:
         return float(found.x)
 
 
-def _parts_of_force(own: AxisMotion, usable: BoolArray, cutoff: float, period: float) -> F64:
+def _parts_of_force(moved: AxisMotion, usable: BoolArray, cutoff: float, period: float) -> F64:
     """What the force is a sum of, the mass first, low-passed where usable, float64[P, N]."""
-    velocity, sign = own.velocity, np.sign(own.velocity)
-    place = own.position / max(float(np.abs(own.position).max()), 1e-12)
+    velocity, sign = moved.velocity, np.sign(moved.velocity)
+    place = moved.position / max(float(np.abs(moved.position).max()), 1e-12)
     when = np.linspace(-1.0, 1.0, len(place))
-    parts = [own.acceleration, sign, velocity, np.abs(velocity), velocity * np.abs(velocity)]
+    parts = [moved.acceleration, sign, velocity, np.abs(velocity), velocity * np.abs(velocity)]
     parts += [place**power for power in range(4)]
     parts += [sign * eval_legendre(degree, when) for degree in (1, 2)]
     return np.column_stack([low_passed(part, cutoff, period)[usable] for part in parts])
@@ -201,20 +201,20 @@ def has_lost_sign(motion: Motion, axis: str, logged: AxisSignals) -> bool:
         logged: of the axis, as recorded.
     """
     force = logged.force_actual[logged.valid]
-    own = motion.axes[axis]
-    if force.min() < 0.0 < force.max() or not own.usable.any():
+    moved = motion.axes[axis]
+    if force.min() < 0.0 < force.max() or not moved.usable.any():
         return False
-    ahead = float(np.mean(own.velocity[own.usable] > 0.0))
+    ahead = float(np.mean(moved.velocity[moved.usable] > 0.0))
     if min(ahead, 1.0 - ahead) < _BOTH:
         return False
-    columns = _parts_of_force(own, own.usable, own.cutoff, motion.period)
+    columns = _parts_of_force(moved, moved.usable, moved.cutoff, motion.period)
     basis = _basis(columns / np.maximum(np.abs(columns).max(axis=0), 1e-12))
-    size, model = own.force[own.usable], own.velocity[own.usable]
+    size, model = moved.force[moved.usable], moved.velocity[moved.usable]
     for _ in range(_ROUNDS):
         signs = np.sign(model)
         model = basis @ (basis.T @ (size * signs))
         if np.array_equal(np.sign(model), signs):
             break
-    left = float(np.sum((size * np.sign(model) - model) ** 2))
+    remaining = float(np.sum((size * np.sign(model) - model) ** 2))
     plain = size - basis @ (basis.T @ size)
-    return left < _SIGNED * float(plain @ plain)
+    return remaining < _SIGNED * float(plain @ plain)

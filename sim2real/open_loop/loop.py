@@ -43,12 +43,7 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
     """
     names = [axis.name for axis in settings.axes]
     count = len(motion.recording)
-    whole = tuple(
-        np.column_stack([getattr(motion.axes[name], part) for name in names])
-        for part in ("position", "velocity", "acceleration")
-    )
-    stage = replace(settings, start=motion.start)
-    force = force_along(stage, (whole[0], whole[1], whole[2]))
+    position, force = _forces_along(motion, settings)
     rng = np.random.default_rng(_SEED)
     nominal: Signals = {}
     residual: Signals = {}
@@ -57,22 +52,32 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
     gap: dict[str, dict[str, GapFigures]] = {}
     rest = np.zeros(count)
     for a, (name, axis) in enumerate(zip(names, settings.axes, strict=True)):
-        own = motion.axes[name]
+        moved = motion.axes[name]
         simulated = motion.low_pass(name, force[:, a])
-        nominal[name] = {"position": own.position, "force": simulated}
-        residual[name] = {"position": rest, "force": own.force - simulated}
+        nominal[name] = {"position": moved.position, "force": simulated}
+        residual[name] = {"position": rest, "force": moved.force - simulated}
         floor = _floor(motion.noise_of(name, force[:, a]), axis)
         floors[name] = {"position": 0.0, "force": floor}
         white = motion.low_pass(name, rng.standard_normal(count))
         drawn[name] = {"position": rest, "force": white * (floor / float(np.std(white)))}
-        if own.usable.any():
-            there = rms(residual[name]["force"], own.usable)
+        if moved.usable.any():
+            there = rms(residual[name]["force"], moved.usable)
             gap[name] = {"force": GapFigures(there, floor, unit_on(axis, "N"))}
     replay = Replay(
-        motion.recording, tuple(names), motion.period, whole[0], np.zeros_like(whole[0]),
+        motion.recording, tuple(names), motion.period, position, np.zeros_like(position),
         np.arange(count), (0.0,) * len(names), {name: {} for name in names}, motion.start,
     )  # fmt: skip
     return Measured(replay, Floor(nominal, (drawn,), floors), residual, gap, {})
+
+
+def _forces_along(motion: Motion, settings: StageSettings) -> tuple[F64, F64]:
+    """Positions [m] and forces [N] of all axes, not low-passed, float64[P, axes] each."""
+    axes = [motion.axes[axis.name] for axis in settings.axes]
+    position = np.column_stack([axis.position for axis in axes])
+    velocity = np.column_stack([axis.velocity for axis in axes])
+    acceleration = np.column_stack([axis.acceleration for axis in axes])
+    stage = replace(settings, start=motion.start)
+    return position, force_along(stage, (position, velocity, acceleration))
 
 
 def _floor(noise: float, axis: AxisSettings) -> float:
@@ -111,11 +116,14 @@ class MotionLoop(FreeLoop):
     def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
         """See `FreeLoop.respond`."""
         motion = self._motions[number]
-        own = motion.axes[self.name]
+        moved = motion.axes[self.name]
         force = force_variants(
-            motion.period, variants, (own.position, own.velocity, own.acceleration), motion.start
+            motion.period,
+            variants,
+            (moved.position, moved.velocity, moved.acceleration),
+            motion.start,
         )
-        position = np.broadcast_to(own.position[:, None], force.shape)
+        position = np.broadcast_to(moved.position[:, None], force.shape)
         low = [motion.low_pass(self.name, force[:, i]) for i in range(force.shape[1])]
         return position, np.column_stack(low)
 
@@ -123,12 +131,7 @@ class MotionLoop(FreeLoop):
         """See `FreeLoop.respond_jointly`."""
         motion = self._motions[number]
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
-        whole = [
-            np.column_stack([getattr(motion.axes[a.name], part) for a in axes])
-            for part in ("position", "velocity", "acceleration")
-        ]
-        stage = replace(self.settings, axes=axes, start=motion.start)
-        force = force_along(stage, (whole[0], whole[1], whole[2]))
+        _, force = _forces_along(motion, replace(self.settings, axes=axes))
         at = [a.name for a in axes].index(self.name)
         return motion.axes[self.name].position, motion.low_pass(self.name, force[:, at])
 

@@ -236,9 +236,9 @@ def _standing(moved: AxisMotion) -> F64:
 def _strokes(demands: Mapping[str, F64], period: float) -> tuple[Move, ...]:
     """The strokes of the axis that travels farthest, as moves."""
     farthest = max(demands, key=lambda name: float(np.abs(np.diff(demands[name])).sum()))
-    found = split_phases(demands[farthest], period).strokes
+    strokes = split_phases(demands[farthest], period).strokes
     least = _SHORT * float(np.ptp(demands[farthest]))
-    starts = [s.start for s in found if s.length > least]
+    starts = [s.start for s in strokes if s.length > least]
     ends = [*starts[1:], len(demands[farthest])]
     return tuple(
         Move(

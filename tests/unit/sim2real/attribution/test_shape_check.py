@@ -7,12 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution.shape_check import (
-    Repeat,
-    are_harmonics,
-    free_form_repeat,
-    is_one_profile,
-)
+from sim2real.attribution.shape_check import Repeat, are_harmonics, free_form_repeat, is_one_profile
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from stagedata import Recording
 

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from hil_sim.settings import StageSettings
-from sim2real.blind import (
-    OUTSIDE,
-    VARIANTS,
-    build_stage,
-    draw_key,
-    draw_values,
-    family_of,
-)
+from sim2real.blind import OUTSIDE, VARIANTS, build_stage, draw_key, draw_values, family_of
 from tests.unit.sim2real.blind.conftest import LIBRARY, TOLERANCE, drawn
 
 

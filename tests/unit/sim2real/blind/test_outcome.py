@@ -6,9 +6,7 @@ import json
 import math
 from dataclasses import replace
 
-from sim2real.blind import (
-    Outcome,
-)
+from sim2real.blind import Outcome
 from tests.unit.sim2real.blind.outcomes import outcome
 
 

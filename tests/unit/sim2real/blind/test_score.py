@@ -6,13 +6,7 @@ import math
 
 import pytest
 
-from sim2real.blind import (
-    Outcome,
-    calibration_bins,
-    is_wrong,
-    score_outcomes,
-    write_page,
-)
+from sim2real.blind import Outcome, calibration_bins, is_wrong, score_outcomes, write_page
 from tests.unit.sim2real.blind.outcomes import outcome
 
 

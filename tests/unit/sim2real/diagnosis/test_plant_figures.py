@@ -10,9 +10,10 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.attribution import AxisResult
 from sim2real.diagnosis import diagnose, examine
-from sim2real.diagnosis.plant_figures import FittedFigures, settle_figures
-from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Term
+from sim2real.diagnosis.plant_figures import settle_figures
+from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Fitted, Term
 from sim2real.gap import prepare_replay
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE
@@ -29,7 +30,8 @@ def fitted(axis: AxisSettings, tolerances: dict[int, float], covariance: np.ndar
     base = np.zeros(NUISANCES)
     for j, value in tolerances.items():
         base[j] = 0.01 * value
-    return FittedFigures(axis, AxisModel(base, terms), covariance, np.full(STEP, 0.01))
+    best = Fitted(AxisModel(base, terms), 0.0, np.empty(0), covariance)
+    return AxisResult(axis=axis, spread=np.full(STEP, 0.01), best=best)
 
 
 def test_what_the_moves_say_little_of_stays_and_is_not_listed(axis):

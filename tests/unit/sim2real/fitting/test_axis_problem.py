@@ -7,12 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.fitting import (
-    NUISANCES,
-    AxisModel,
-    Term,
-    fit,
-)
+from sim2real.fitting import NUISANCES, AxisModel, Term, fit
 from sim2real.fitting.axis_problem import slow_energy
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with

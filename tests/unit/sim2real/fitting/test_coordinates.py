@@ -6,11 +6,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.fitting import (
-    Term,
-    coordinates,
-    from_coordinates,
-)
+from sim2real.fitting import Term, coordinates, from_coordinates
 from sim2real.fitting.coordinates import to_coordinates
 from stagedata import Recording
 

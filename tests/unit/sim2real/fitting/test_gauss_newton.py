@@ -7,13 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import SUBSTEPS, StageSettings
-from sim2real.fitting import (
-    NUISANCES,
-    STEP,
-    AxisModel,
-    Term,
-    fit,
-)
+from sim2real.fitting import NUISANCES, STEP, AxisModel, Term, fit
 from stagedata import Recording
 from tests.unit.sim2real.conftest import FINER, problem_of, stage_with
 

@@ -8,12 +8,7 @@ import numpy as np
 
 from hil_sim.effects.library import library
 from hil_sim.settings import SUBSTEPS, StageSettings
-from sim2real.fitting import (
-    NUISANCES,
-    STEP,
-    AxisModel,
-    Term,
-)
+from sim2real.fitting import NUISANCES, STEP, AxisModel, Term
 from sim2real.tracking import innovation_response
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
