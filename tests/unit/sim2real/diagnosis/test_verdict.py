@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from hil_sim.settings import StageSettings
 from sim2real.diagnosis import diagnose, examine
-from sim2real.diagnosis.reason import describe_far_off, name_causes
-from sim2real.findings import Cause
+from sim2real.diagnosis.reason import describe_far_off
 from sim2real.gap import combined_floors, compare_with_model
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -41,16 +38,3 @@ def test_a_gap_as_large_as_the_motion_is_never_none(
     report = diagnose(examined, TOLERANCE, {}).report
     assert report.verdict == "unexplained"
     assert "the position of x is simulated" in report.reason
-
-
-@pytest.mark.parametrize(
-    ("effects", "words"),
-    [
-        ("c", "cogging on x"),
-        ("cd", "cogging on x and dead_time on y"),
-        ("cdc", "cogging on x, dead_time on y and cogging on x"),
-    ],
-)
-def test_the_last_cause_is_joined_by_and(effects: str, words: str) -> None:
-    known = {"c": ("x", "cogging"), "d": ("y", "dead_time")}
-    assert name_causes([Cause(*known[e], 1.0, {}, None, None, "") for e in effects]) == words
