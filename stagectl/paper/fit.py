@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.paper.published import PARAMETERS
+from stagectl.paper.published import PARAMETERS, Printed
 from stagectl.paper.signals import Move
 from stagectl.paper.window import (
     NAMES,
@@ -32,22 +32,14 @@ F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
-    """An estimate.
+class Fit(Printed):
+    """An estimate of ours.
 
     Attributes:
-        value, sigma: estimate and standard deviation, by parameter.
-        mse: mean squared residual over all windows [N^2].
-        iterations, evaluations: of the solver, one entry per window.
         windows: the samples of each.
         predicted: force over the windows [N], shape (samples in all,).
     """
 
-    value: dict[str, float]
-    sigma: dict[str, float]
-    mse: float
-    iterations: tuple[int, ...]
-    evaluations: tuple[int, ...]
     windows: tuple[Window, ...]
     predicted: F64
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.paper import published, simulate
-from stagectl.paper.fit import Fit
 from stagectl.paper.published import PARAMETERS, TABLES, Printed
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import (
     ALIGNMENTS,
     CONDITIONS,
     INITIAL_NAMES,
-    Case,
     error,
     on_bound,
     times_fewer,
@@ -25,11 +23,6 @@ from stagectl.store.atomic import write_atomically
 MOVE_PLOT, ZONES_PLOT = "images/paper-move.svg", "images/paper-zones.svg"
 _ZONE_A, _ZONE_B = "#e8f1e4", "#fbeede"
 _MEASURED, _PREDICTED, _DEMAND = "#1f5fa8", "#c8452b", "#777777"
-_INITIAL = {
-    "tied": "S(v)",
-    "reference": "S(v) under the reference values",
-    "measured": "(u - m a - sigma_v v)",
-}
 _METHODS = {"one_window": "one window", "two_windows": "two windows"}
 _FIGURES = (
     *("Fc [N]", "C [N/s]", "sigma_v [N s/m]", "sigma0 [kN/m]"),
@@ -57,13 +50,20 @@ def write(study: Study, path: Path) -> None:
 def render(study: Study) -> str:
     """The page's text."""
     estimates, fixed, *varied = tables(study)
+    setup = study.case.setup
     verdicts = [claim.verdict for claim in study.claims]
     return render_template(
         "paper.md.j2",
         static=(),
         distance=f"{published.DISTANCE * 1e3:g}",
         elements=(published.PLANT_ELEMENTS, published.MODEL_ELEMENTS),
-        choices=Table("", ("left open", "here"), _choices(study.case)),
+        setup=setup,
+        cut_off=study.case.processing.cut_off,
+        options=study.case.options,
+        plant_rate=simulate.PLANT_RATE,
+        jerk=simulate.JERK,
+        duration=simulate.duration(setup.profile),
+        gains=simulate.gains(setup.bandwidth),
         estimates=estimates,
         smaller=_smaller_deviations(study),
         fixed=fixed,
@@ -148,50 +148,6 @@ def _varied(study: Study) -> Table:
     return Table("What the paper leaves open, varied", head, rows)
 
 
-def _choices(case: Case) -> list[list[str]]:
-    """What the paper leaves open, and our choice."""
-    setup, processing, borders, options = case.setup, case.processing, case.borders, case.options
-    kp, ki, kd = simulate.gains(setup.bandwidth)
-    jerk = f"jerk-limited, {simulate.JERK:g} m/s³"
-    profile = "one period of a sine as acceleration" if setup.profile == "sine" else jerk
-    cut_off = processing.cut_off
-    filtered = "none"
-    if cut_off is not None and cut_off < setup.rate / 2:
-        filtered = (
-            f"Butterworth of order {processing.order}, {cut_off:g} Hz, forward and backward, over "
-            "velocity, acceleration" + (" and force" if processing.filter_force else ", not force")
-        )
-    onset = "where all elements of the plant slip"
-    if borders.onset is not None:
-        onset = f"{borders.onset:g} m"
-    initial = "the window's initial total is an unknown"
-    if options.initial != "free":
-        begins = _INITIAL[options.initial]
-        initial = f"nu_i {begins} in zone A, nu_i times zone A's final total in zone B"
-    bounds = "each step minimises within the bounds"
-    if options.bounds != "bounded":
-        bounds = "a step that would leave the bounds is halved as a whole until it does not"
-    rate = f"{setup.rate / 1e3:g} kHz, controller and samples"
-    duration = 1e3 * simulate.duration(setup.profile)
-    gains = f"kp {kp:.0f} N/m, ki {ki:.3g} N/(m s), kd {kd:.0f} N s/m: three equal poles"
-    feedforward = "acceleration feedforward" if setup.feedforward else "no feedforward"
-    return [
-        ["sample rate", f"{rate}; the mass at {simulate.PLANT_RATE / 1e3:g} kHz"],
-        [
-            "profile",
-            f"{profile}; {duration:.0f} ms. 0.5 m/s is never reached within 25 mm at 3 m/s²",
-        ],
-        ["gains", f"{gains}, -3 dB at {setup.bandwidth:g} Hz; {feedforward}"],
-        ["derivatives", "central differences of the position"],
-        ["filter", filtered],
-        ["zone A", f"from {onset} to the first velocity that is not positive"],
-        ["zone B", f"the {borders.stick * 1e3:g} ms behind that"],
-        ["initial element forces", initial],
-        ["p >= 0", bounds],
-        ["Jacobian", "forward differences"],
-    ]
-
-
 def plot_move(study: Study) -> str:
     """Position, velocity and force of the move, zones shaded (figure 3)."""
     case = study.case.with_force("aligned")
@@ -235,7 +191,7 @@ def plot_zones(study: Study) -> str:
     return draw([above, below], 860, 240, "Measured and predicted force in zones A and B")
 
 
-def _figures(fit: Fit | Printed, decimals: int | None) -> list[str]:
+def _figures(fit: Printed, decimals: int | None) -> list[str]:
     """Values with deviations as the paper prints them, sigma0 in kN/m; then MSE and counts."""
     pairs = []
     for name in PARAMETERS:

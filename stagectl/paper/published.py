@@ -43,8 +43,8 @@ class Printed:
     """A column of the paper's tables.
 
     Attributes:
-        value, sigma: by parameter, in the units of `PARAMETERS`.
-        mse: mean squared force residual [N^2].
+        value, sigma: estimate and standard deviation, by parameter, in the units of `PARAMETERS`.
+        mse: mean squared force residual over all windows [N^2].
         iterations, evaluations: of the solver, zone A and B in turn where there are two.
     """
 
