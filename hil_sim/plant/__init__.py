@@ -1,7 +1,7 @@
 """The simulated plant, compiled: mechanics, friction, motor, encoder and control loops."""
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.friction.gms import element_shares, slip_step
+from hil_sim.plant.friction.gms import Slip, element_shares, slip_step
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.inverse import force_along, force_variants
 from hil_sim.plant.mechanics import advance, command
@@ -22,6 +22,7 @@ __all__ = [
     "Plant",
     "Response",
     "Simulation",
+    "Slip",
     "advance",
     "build_ports",
     "command",

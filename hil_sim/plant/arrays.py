@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,38 @@ _STATE = np.dtype(
         *PORT_STATE_FIELDS,
     ]
 )
+
+
+Record = NDArray[np.void]
+
+
+class Mechanics(NamedTuple):
+    """What the kernels work on: A axes with E friction elements.
+
+    Attributes:
+        plant: records of the axes, [A]; read only.
+        control: records of their loops, [A]; read only.
+        state, loop: states of both, [A].
+        forces: of the friction elements of all axes, float64[E] [N].
+        slipping: whether each slips, bool[E].
+        shares: nu of each, float64[E].
+        arena: tables and extra states of all axes, float64[n] (`port_arrays`).
+        period: control tick Tc [s].
+        substeps: plant steps per control tick; fewer than 5: one coarse step.
+        ticks: control ticks per SYNC period.
+    """
+
+    plant: Record
+    control: Record
+    state: Record
+    loop: Record
+    forces: F64
+    slipping: NDArray[np.bool_]
+    shares: F64
+    arena: F64
+    period: float
+    substeps: int
+    ticks: int
 
 
 def _plant_record(axis: AxisSettings) -> dict[str, float]:
@@ -128,6 +161,7 @@ class Arrays:
                     f"axis {axis.name}: the friction law {axis.friction.law} needs at least "
                     f"{SUBSTEPS} plant steps per control tick"
                 )
+        self._steps = settings.control_period, substeps, settings.ticks
         self.ports = build_ports(settings, duration, substeps)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
@@ -162,6 +196,14 @@ class Arrays:
             self.state[a]["encoder"] = reading
             for name in HELD_AT_POSITION:
                 self.loop[a][name] = reading
+
+    @property
+    def mechanics(self) -> Mechanics:
+        """These arrays as the kernels take them."""
+        return Mechanics(
+            self.plant, self.control, self.state, self.loop, self.forces, self.slipping,
+            self.shares, self.arena, *self._steps,
+        )  # fmt: skip
 
     def balance(self, a: int, force: float, axis: AxisSettings) -> None:
         """Let motor, friction and disturbances of one axis hold each other.

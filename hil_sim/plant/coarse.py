@@ -19,7 +19,7 @@ import math
 
 from hil_sim.plant.control import advance_demand, position_loop
 from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.gms import Slip, slip_step, turn
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
@@ -42,14 +42,15 @@ def _decay(y):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def advance_coarsely(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks
-):  # fmt: skip
+def advance_coarsely(m, normals, first, ticks):  # type: ignore[no-untyped-def]
     """Advance every axis, in one long function: passing arrays on costs more than the step itself.
 
     (numba counts their references at every call.) Each of the `ticks` control ticks is one step.
     Arguments: as those of `mechanics.advance`.
     """
+    plant, control, state, loop = m.plant, m.control, m.state, m.loop
+    forces, slipping, shares, arena = m.forces, m.slipping, m.shares, m.arena
+    period = m.period
     axes = plant.shape[0]
     noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
@@ -103,25 +104,14 @@ def advance_coarsely(  # type: ignore[no-untyped-def]
                 level *= coulomb_factor(p, s, dx)
             if dx != 0.0:
                 direction = math.copysign(1.0, dx)
-                if direction != s.direction:
-                    s.direction = direction
-                    for i in range(p.first_element, p.first_element + p.elements):
-                        slipping[i] = False
+                turn(p, s, slipping, direction)
                 curve = 1.0
                 if abs(speed) < p.stribeck_end:
                     curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
                 decay = _decay(p.relaxation_rate * dt / curve)
+                slip = Slip(direction, dx, level * curve * (1.0 + s.wander), decay)
                 friction = slip_step(
-                    forces,
-                    slipping,
-                    shares,
-                    p.elements,
-                    direction,
-                    dx,
-                    p.element_stiffness,
-                    level * curve * (1.0 + s.wander),
-                    decay,
-                    p.first_element,
+                    forces, slipping, shares, slip, p.element_stiffness, p.elements, p.first_element
                 )
                 change += friction - s.friction
                 s.friction = friction

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.gms import Slip, slip_step, turn
 from hil_sim.plant.friction.laws import GMS
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import coulomb_factor, drag, drive, refresh, swing
@@ -61,10 +61,8 @@ def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: b
             raise ValueError("a variant has an effect that involves another axis")
         arrays.state["velocity"] = velocity[0]
         coupled = np.array([ports.coupled_mass for ports in arrays.ports])
-        _follow(
-            arrays.plant, arrays.state, arrays.forces, arrays.slipping, arrays.shares, arrays.arena,
-            coupled, settings.sync_period, position, velocity, acceleration, force,
-        )  # fmt: skip
+        course = (position, velocity, acceleration)
+        _follow(arrays.mechanics, coupled, settings.sync_period, course, force)
     return force
 
 
@@ -92,16 +90,19 @@ def force_variants(
 
 
 @kernel(nogil=True)
-def _follow(  # type: ignore[no-untyped-def]
-    plant, state, forces, slipping, shares, arena, coupled, period, position, velocity,
-    acceleration, force,
-):  # fmt: skip
-    """Follow a motion: many arguments, as `mechanics.advance` has.
+def _follow(m, coupled, period, course, force):  # type: ignore[no-untyped-def]
+    """Follow a motion.
 
-    Arguments up to `arena`: as those of `advance`. `coupled`, float64[axes] [kg]: times the other
-    axis' acceleration is a force. `period`: of the samples [s]. Motion [m, m/s, m/s^2] and `force`
-    [N], written: float64[K, axes].
+    Args:
+        m: as in `mechanics.advance`.
+        coupled: times the other axis' acceleration is a force, float64[axes] [kg].
+        period: of the samples [s].
+        course: position, velocity, acceleration [m, m/s, m/s^2], float64[K, axes] each.
+        force: written, float64[K, axes] [N].
     """
+    plant, state, arena = m.plant, m.state, m.arena
+    forces, slipping, shares = m.forces, m.slipping, m.shares
+    position, velocity, acceleration = course
     axes = plant.shape[0]
     for k in range(position.shape[0]):
         for a in range(axes):
@@ -120,13 +121,11 @@ def _follow(  # type: ignore[no-untyped-def]
                 direction = math.copysign(1.0, dx)
                 curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
                 if p.law == GMS:
-                    if direction != s.direction:
-                        s.direction = direction
-                        for i in range(p.first_element, p.first_element + p.elements):
-                            slipping[i] = False
+                    turn(p, s, slipping, direction)
+                    decay = math.exp(-p.relaxation_rate * period / curve)
+                    slip = Slip(direction, dx, level * curve, decay)
                     s.friction = slip_step(
-                        forces, slipping, shares, p.elements, direction, dx, p.element_stiffness,
-                        level * curve, math.exp(-p.relaxation_rate * period / curve),
+                        forces, slipping, shares, slip, p.element_stiffness, p.elements,
                         p.first_element,
                     )  # fmt: skip
                 else:

@@ -19,7 +19,7 @@ from hil_sim.plant.coarse import advance_coarsely
 from hil_sim.plant.control import advance_demand, position_loop
 from hil_sim.plant.encoder import read_encoder
 from hil_sim.plant.friction.coulomb import hold
-from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.gms import Slip, slip_step, turn
 from hil_sim.plant.friction.laws import COULOMB, GMS
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import (
@@ -50,37 +50,6 @@ def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def step(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
-    orders, report,
-):  # fmt: skip
-    """Execute commands, advance and report (14 arguments: one call for `Plant`).
-
-    Arguments up to `ticks`: as those of `advance`. `orders`, float64[axes, 5]: 1 to command,
-    position [m], force offset [N], ticks; 1 to restart the worst following error. Executed flags
-    are set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
-    encoder velocity [m/s], worst following error [m].
-    """
-    for a in range(plant.shape[0]):
-        if orders[a, 0] != 0.0:
-            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
-            orders[a, 0] = 0.0
-        if orders[a, 4] != 0.0:
-            state[a].worst_error = 0.0
-            orders[a, 4] = 0.0
-    advance(
-        plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
-        first, ticks,
-    )  # fmt: skip
-    for a in range(plant.shape[0]):
-        report[a, 0] = round(state[a].encoder / plant[a].increment)
-        report[a, 1] = state[a].motor_force
-        report[a, 2] = loop[a].demand
-        report[a, 3] = state[a].speed
-        report[a, 4] = state[a].worst_error
-
-
-@kernel()
 def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
     """Set `kick`, the change of velocity [m/s] of an axis with ports in this substep of `dt` [s].
 
@@ -92,65 +61,39 @@ def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def advance(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
-    ticks,
-):  # fmt: skip
-    """Advance every axis, in one long function: passing arrays on costs more than a substep.
-
-    Args:
-        plant: records of the axes, [axes]; read only.
-        control: records of their loops, [axes]; read only.
-        state: states of the axes, [axes]; changed in place.
-        loop: states of their loops, [axes].
-        forces: friction elements of all axes, float64[elements] [N].
-        slipping: whether each slips, bool[elements].
-        shares: nu of each, float64[elements].
-        arena: tables and extra states of all axes, float64[n] (`port_arrays`).
-        period: control tick Tc [s].
-        substeps: plant steps per tick; fewer than 5: one coarse step.
-        normals: standard normals for encoder and wander, float64[axes, 2, n]; n = 0: no noise.
-        first: index in `normals` of the first tick.
-        ticks: control ticks to advance.
-    """
-    if substeps < SUBSTEPS:
-        advance_coarsely(
-            plant, control, state, loop, forces, slipping, shares, arena, period, normals, first,
-            ticks,
-        )  # fmt: skip
-        return
+def _advance_finely(m, normals, first, ticks):  # type: ignore[no-untyped-def]
+    """Advance every axis, in one long function: passing arrays on costs more than a substep."""
+    plant, control, state, loop = m.plant, m.control, m.state, m.loop
+    forces, slipping, shares, arena = m.forces, m.slipping, m.shares, m.arena
+    period, substeps = m.period, m.substeps
     axes = plant.shape[0]
     dt = period / substeps
     noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
     for tick in range(first, first + ticks):
         for a in range(axes):
-            advance_demand(loop[a])
-            if loop[a].powered:
-                error = position_loop(control[a], loop[a], state[a].encoder, period)
-                state[a].worst_error = max(state[a].worst_error, abs(error))
-        for a in range(axes):
+            s, own = state[a], loop[a]
+            advance_demand(own)
+            if own.powered:
+                error = position_loop(control[a], own, s.encoder, period)
+                s.worst_error = max(s.worst_error, abs(error))
             if plant[a].ported:
-                refresh(
-                    plant[a], state[a], state[axes - 1 - a].position, arena, loop[a].output, period
-                )
+                refresh(plant[a], s, state[axes - 1 - a].position, arena, own.output, period)
         for substep in range(substeps):
             if coupled:
                 for a in range(axes):
                     _kick(plant[a], state[a], arena, substep, dt)
                 solve_jointly(plant, state, arena, dt)
             for a in range(axes):
-                p = plant[a]
-                s = state[a]
+                p, s = plant[a], state[a]
                 if p.ported:
                     if not coupled:
                         _kick(p, s, arena, substep, dt)
                     v = s.velocity + s.kick
                 else:
                     s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
-                    v = s.velocity + dt / p.mass * (
-                        s.motor_force - s.friction - p.viscous * s.velocity
-                    )
+                    net = s.motor_force - s.friction - p.viscous * s.velocity
+                    v = s.velocity + dt / p.mass * net
                 if p.law == COULOMB:
                     v = hold(p, s, v, dt)
                 dx = v * dt
@@ -163,53 +106,81 @@ def advance(  # type: ignore[no-untyped-def]
                     level *= coulomb_factor(p, s, v)
                 if p.law == GMS and v != 0.0:
                     direction = math.copysign(1.0, v)
-                    if direction != s.direction:
-                        s.direction = direction
-                        for i in range(p.first_element, p.first_element + p.elements):
-                            slipping[i] = False
+                    turn(p, s, slipping, direction)
                     curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                    decay = math.exp(-p.relaxation_rate * dt / curve)
+                    slip = Slip(direction, dx, level * curve * (1.0 + s.wander), decay)
                     s.friction = slip_step(
-                        forces,
-                        slipping,
-                        shares,
-                        p.elements,
-                        direction,
-                        dx,
-                        p.element_stiffness,
-                        level * curve * (1.0 + s.wander),
-                        math.exp(-p.relaxation_rate * dt / curve),
+                        forces, slipping, shares, slip, p.element_stiffness, p.elements,
                         p.first_element,
-                    )
+                    )  # fmt: skip
         for a in range(axes):
-            p = plant[a]
-            s = state[a]
-            if noisy:
-                s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
-                read_encoder(p, s, period, normals[a, 0, tick])
-            else:
-                s.wander = p.wander_keep * s.wander
-                read_encoder(p, s, period, 0.0)
+            p, s = plant[a], state[a]
+            misread, drawn = (normals[a, 0, tick], normals[a, 1, tick]) if noisy else (0.0, 0.0)
+            s.wander = p.wander_keep * s.wander + p.wander * drawn
+            read_encoder(p, s, period, misread)
+
+
+@kernel(inline="always")
+def advance(m, normals, first, ticks):  # type: ignore[no-untyped-def]
+    """Advance every axis, by fine steps or coarse ones.
+
+    Args:
+        m: `Mechanics`, whose states are changed in place.
+        normals: standard normals for encoder and wander, float64[axes, 2, n]; n = 0: no noise.
+        first: index in `normals` of the first tick.
+        ticks: control ticks to advance.
+    """
+    if m.substeps < SUBSTEPS:
+        advance_coarsely(m, normals, first, ticks)
+    else:
+        _advance_finely(m, normals, first, ticks)
+
+
+@kernel()
+def step(m, normals, first, ticks, orders, report):  # type: ignore[no-untyped-def]
+    """Execute commands, advance and report: one call for `Plant`.
+
+    Arguments up to `ticks`: as those of `advance`. `orders`, float64[axes, 5]: 1 to command,
+    position [m], force offset [N], ticks; 1 to restart the worst following error. Executed flags
+    are set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
+    encoder velocity [m/s], worst following error [m].
+    """
+    plant, state, loop = m.plant, m.state, m.loop
+    for a in range(plant.shape[0]):
+        if orders[a, 0] != 0.0:
+            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
+            orders[a, 0] = 0.0
+        if orders[a, 4] != 0.0:
+            state[a].worst_error = 0.0
+            orders[a, 4] = 0.0
+    advance(m, normals, first, ticks)
+    for a in range(plant.shape[0]):
+        report[a, 0] = round(state[a].encoder / plant[a].increment)
+        report[a, 1] = state[a].motor_force
+        report[a, 2] = loop[a].demand
+        report[a, 3] = state[a].speed
+        report[a, 4] = state[a].worst_error
 
 
 @kernel(nogil=True)
-def run_demands(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
-    demand, offset, unit, position_out, force_out,
-):  # fmt: skip
-    """Run whole demands: many arguments, as `advance` has.
+def run_demands(m, normals, unit, setpoints, response):  # type: ignore[no-untyped-def]
+    """Run whole demands.
 
-    Arguments up to `normals`: as those of `advance`, `ticks` per SYNC. Row k of the others is SYNC
-    k: `demand` [m] and `offset` [N], float64[K, axes]; `position_out` [m] and `force_out` [N],
-    written, float64[K, axes]. `unit`, float64[axes] [N]: rounding of the reported force, 0: none.
+    Args:
+        m: as in `advance`.
+        normals: likewise.
+        unit: rounding of the reported force, float64[axes] [N]; 0: none.
+        setpoints: at each SYNC, demand [m] and force offset [N], float64[K, axes] each.
+        response: written, position [m] and force [N], float64[K, axes] each.
     """
-    axes = plant.shape[0]
+    state, loop = m.state, m.loop
+    demand, offset = setpoints
+    position, measured = response
     for k in range(demand.shape[0]):
-        for a in range(axes):
-            position_out[k, a] = state[a].encoder
+        for a in range(m.plant.shape[0]):
+            position[k, a] = state[a].encoder
             force = state[a].motor_force
-            force_out[k, a] = round(force / unit[a]) * unit[a] if unit[a] > 0.0 else force
-            command(loop[a], demand[k, a], offset[k, a], ticks)
-        advance(
-            plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals,
-            k * ticks, ticks,
-        )  # fmt: skip
+            measured[k, a] = round(force / unit[a]) * unit[a] if unit[a] > 0.0 else force
+            command(loop[a], demand[k, a], offset[k, a], m.ticks)
+        advance(m, normals, k * m.ticks, m.ticks)

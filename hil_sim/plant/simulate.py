@@ -15,7 +15,7 @@ from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.mechanics import run_demands
 from hil_sim.plant.noise import Noise
-from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
+from hil_sim.settings import SUBSTEPS, StageSettings
 
 F64 = NDArray[np.float64]
 _BLOCK = 8192  # SYNC periods simulated at once
@@ -45,7 +45,7 @@ def simulate(
     substeps: int = SUBSTEPS,
     rounded: bool = True,
 ) -> Response:
-    """Simulate the closed loop from rest at the first target (long: most is documentation).
+    """Simulate the closed loop from rest at the first target.
 
     The kernel releases the interpreter lock, so that threads run in parallel. An axis that does not
     depend on another one (`needs_all_axes`) may be simulated alone, with its settings and columns
@@ -69,22 +69,24 @@ def simulate(
     """
     demand = np.ascontiguousarray(demand, dtype=np.float64)
     offset = np.ascontiguousarray(offset, dtype=np.float64)
-    count = len(settings.axes)
+    _check_shapes(len(settings.axes), demand, offset, level)
+    if len(demand) == 0:
+        return Response(np.empty_like(demand), np.empty_like(demand))
+    duration = len(demand) * settings.sync_period
+    running = Simulation(
+        settings, (demand[0], offset[0]), seed, rest_force, duration, level, substeps
+    )
+    return running.run(demand, offset, rounded)
+
+
+def _check_shapes(count: int, demand: F64, offset: F64, level: F64 | None) -> None:
     if demand.ndim != 2 or demand.shape[1] != count or demand.shape != offset.shape:
         raise ValueError(
             f"demand and offset must both have shape (K, {count}), "
             f"have {demand.shape} and {offset.shape}"
         )
-    if len(demand) == 0:
-        return Response(np.empty_like(demand), np.empty_like(demand))
-    if level is not None and level.shape != demand.shape:
+    if len(demand) and level is not None and level.shape != demand.shape:
         raise ValueError(f"level must have shape {demand.shape}, has {level.shape}")
-    duration = len(demand) * settings.sync_period
-    running = Simulation(
-        settings, demand[0], offset[0], seed, rest_force, duration=duration, level=level,
-        substeps=substeps, rounded=rounded,
-    )  # fmt: skip
-    return running.run(demand, offset)
 
 
 class Simulation:
@@ -92,8 +94,8 @@ class Simulation:
 
     Args:
         settings: of the stage.
-        demand, offset: of the first SYNC, float64[axes] [m, N].
-        seed, rest_force, substeps, rounded: as of `simulate`.
+        start: demand and force offset of the first SYNC, float64[axes] each [m, N].
+        seed, rest_force, substeps: as of `simulate`.
         duration: of all parts together [s]; None: without end.
         level: as of `simulate`, for all parts together.
 
@@ -104,48 +106,42 @@ class Simulation:
     def __init__(
         self,
         settings: StageSettings,
-        demand: F64,
-        offset: F64,
+        start: tuple[F64, F64],
         seed: int | None,
         rest_force: Sequence[float] | None = None,
-        *,
         duration: float | None = None,
         level: F64 | None = None,
         substeps: int = SUBSTEPS,
-        rounded: bool = True,
     ) -> None:
-        count = len(settings.axes)
-        self._settings, self._substeps, self._is_noisy = settings, substeps, seed is not None
-        self._arrays = arrays = Arrays(settings, demand.tolist(), duration, substeps, level)
+        demand, offset = start
+        self._settings, self._is_noisy = settings, seed is not None
+        arrays = Arrays(settings, demand.tolist(), duration, substeps, level)
         for name in ("offset", "from_force", "to_force"):
             arrays.loop[name] = offset
         arrays.loop["powered"] = True
         for a, held in enumerate(() if rest_force is None else rest_force):
             if held != 0.0:  # at 0 friction holds nothing, even if effects pull
                 arrays.balance(a, held, settings.axes[a])
-        self._noise = Noise(count, seed)
+        self._noise = Noise(len(settings.axes), seed)
         arrays.state["wander"] = self._noise.draw_initial_wander(settings)
-        units = [rounded * a.control.rated_force / 1000.0 for a in settings.axes]
-        self._unit = np.array(units)
+        self._mechanics = arrays.mechanics
 
-    def run(self, demand: F64, offset: F64) -> Response:
+    def run(self, demand: F64, offset: F64, rounded: bool = True) -> Response:
         """What the drives report at the next P SYNCs.
 
         Args:
             demand: target positions, float64[P, axes], C-contiguous [m].
             offset: force offsets, likewise [N].
+            rounded: as of `simulate`.
         """
-        arrays, ticks = self._arrays, self._settings.ticks
+        ticks = self._settings.ticks
+        unit = np.array([rounded * a.control.rated_force / 1000.0 for a in self._settings.axes])
         position, force = np.empty_like(demand), np.empty_like(demand)
         for first in range(0, len(demand), _BLOCK):  # noise of all of it would not fit into memory
             block = slice(first, first + _BLOCK)
-            run_demands(
-                arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
-                arrays.slipping, arrays.shares, arrays.arena, self._settings.control_period,
-                self._substeps, ticks,
-                self._noise.draw(len(demand[block]) * ticks if self._is_noisy else 0),
-                demand[block], offset[block], self._unit, position[block], force[block],
-            )  # fmt: skip
+            normals = self._noise.draw(len(demand[block]) * ticks if self._is_noisy else 0)
+            setpoints, response = (demand[block], offset[block]), (position[block], force[block])
+            run_demands(self._mechanics, normals, unit, setpoints, response)
         return Response(position, force)
 
 
@@ -161,8 +157,7 @@ def needs_all_axes(settings: StageSettings) -> bool:
 
 
 def simulate_variants(
-    sync_period: float,
-    variants: Sequence[AxisSettings],
+    variants: StageSettings,
     demand: F64,
     offset: F64,
     rest_force: float = 0.0,
@@ -170,7 +165,6 @@ def simulate_variants(
     level: F64 | None = None,
     substeps: int = 1,
     rounded: bool = True,
-    start: float = 0.0,
 ) -> Response:
     """Simulate several variants of one axis for the same demand, noise-free.
 
@@ -178,15 +172,13 @@ def simulate_variants(
     Four variants at a time are enough.
 
     Args:
-        sync_period: Ts [s].
-        variants: settings of the axis; no effect may involve another axis.
+        variants: a stage whose axes are the variants; no effect may involve another axis.
         demand: target position for SYNC k [m], float64[K].
         offset: force offset for SYNC k [N], float64[K].
         rest_force: motor force in the initial rest [N], as in `simulate`.
         level: factor on Fc at each SYNC, float64[K] or float64[K, variants]; default 1.
         substeps: as in `simulate`; coarse by default.
         rounded: as in `simulate`.
-        start: on the clock of effects that fade with time [s].
 
     Returns:
         One column per variant.
@@ -194,18 +186,18 @@ def simulate_variants(
     Raises:
         ValueError: shapes do not match, or effects are impossible or involve another axis.
     """
-    settings = StageSettings(sync_period, tuple(variants), start)
-    if any(needs_all_axes(StageSettings(sync_period, (v,))) for v in variants if v.effects):
+    if needs_all_axes(variants):
         raise ValueError("variants of one axis cannot have effects that involve another one")
-    shape = (len(demand), len(variants))
+    count = len(variants.axes)
+    shape = (len(demand), count)
     if level is not None:
         level = np.broadcast_to(level.reshape(len(level), -1), shape)
     return simulate(
-        settings,
+        variants,
         np.broadcast_to(np.asarray(demand)[:, None], shape),
         np.broadcast_to(np.asarray(offset)[:, None], shape),
         None,
-        [rest_force] * len(variants),
+        [rest_force] * count,
         level=level,
         substeps=substeps,
         rounded=rounded,

@@ -60,10 +60,7 @@ class Plant:
         self._values: list[list[float]] = self._report.tolist()
         self._before = self._after = self._values
         self._step: Callable[..., object] | None = None
-        self._kernel = (
-            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
-            arrays.slipping, arrays.shares, arrays.arena, self._period,
-        )  # fmt: skip
+        self._mechanics = arrays.mechanics
 
     def advance_to(self, time_ns: int) -> None:
         """Integrate all control ticks that start before `time_ns`; no effect for the past.
@@ -100,7 +97,7 @@ class Plant:
                 self._used = 0
             part = min(ticks, _NOISE_BLOCK - self._used)
             arguments = (
-                *self._kernel, self._normals, self._used, part, self._orders, self._report,
+                self._mechanics, self._normals, self._used, part, self._orders, self._report,
             )  # fmt: skip
             if self._step is None:
                 self._step = machine_code(step, *arguments)  # a first call

@@ -161,9 +161,10 @@ class FreeLoop:
             ValueError: values that physics does not allow.
         """
         replay, at = self.measured[number].replay, self._at
+        stage = StageSettings(self.settings.sync_period, tuple(variants), replay.start)
         response = simulate_variants(
-            self.settings.sync_period, variants, replay.demand[:, at], replay.offset[:, at],
-            replay.rest_force[at], rounded=False, substeps=self._substeps, start=replay.start,
+            stage, replay.demand[:, at], replay.offset[:, at], replay.rest_force[at],
+            rounded=False, substeps=self._substeps,
         )  # fmt: skip
         return response.position, response.force
 

@@ -24,7 +24,6 @@ from stagedata import BoolArray
 from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
-Record = NDArray[np.void]
 
 _TRUST = 0.03
 """Relative standard deviation of each change of the model's friction force: uncertainty about
@@ -43,31 +42,6 @@ _CREEP, _HELD = 1e-4, 0.3
 the friction force, in Coulomb forces."""
 _POSITION_NOISE, _VELOCITY_NOISE = 1e-22, 1e-15
 """Process noise per SYNC period [m^2, m^2/s^2]: it keeps the covariance positive."""
-
-
-class Mechanics(NamedTuple):
-    """The simulation of A axes with E friction elements, as in `hil_sim.plant.arrays.Arrays`.
-
-    Attributes:
-        plant, control, state, loop: records[A].
-        forces: of the friction elements, float64[E] [N]; slipping: bool[E]; shares: float64[E].
-        arena: float64[...], tables of the effects.
-        period: control period [s].
-        substeps: plant steps per control tick.
-        ticks: control ticks per SYNC period.
-    """
-
-    plant: Record
-    control: Record
-    state: Record
-    loop: Record
-    forces: F64
-    slipping: BoolArray
-    shares: F64
-    arena: F64
-    period: float
-    substeps: int
-    ticks: int
 
 
 class Recorded(NamedTuple):
@@ -137,6 +111,15 @@ class Filter(NamedTuple):
     level: F64
 
 
+@kernel()
+def _begin(covariance, p, position, wander):  # type: ignore[no-untyped-def]
+    """Set the covariance of what is not known where a recording begins."""
+    covariance[0, 0] = position**2
+    covariance[1, 1] = _CREEP**2
+    covariance[2, 2] = (_HELD * p.coulomb) ** 2
+    covariance[4, 4] = wander**2
+
+
 @kernel(error_model="python", nogil=True)
 def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  # type: ignore[no-untyped-def]
     """Track every axis over K SYNCs; all results are written in place.
@@ -158,10 +141,7 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
     friction = np.zeros(axes)
     samples = np.zeros(axes, dtype=np.int64)
     for a in range(axes):
-        covariance[a, 0, 0] = deviations.position[a] ** 2
-        covariance[a, 1, 1] = _CREEP**2
-        covariance[a, 2, 2] = (_HELD * m.plant[a].coulomb) ** 2
-        covariance[a, 4, 4] = deviations.wander[a] ** 2
+        _begin(covariance[a], m.plant[a], deviations.position[a], deviations.wander[a])
     for k in range(recorded.demand.shape[0]):
         for a in range(axes):
             s = m.state[a]
@@ -190,10 +170,7 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
             tracked.level[k, a] = s.wander
             friction[a] = s.friction
             command(m.loop[a], recorded.demand[k, a], recorded.offset[k, a], m.ticks)
-        advance(
-            m.plant, m.control, m.state, m.loop, m.forces, m.slipping, m.shares, m.arena, m.period,
-            m.substeps, quiet, 0, m.ticks,
-        )  # fmt: skip
+        advance(m, quiet, 0, m.ticks)
         for a in range(axes):
             before = slipped[a]
             slipped[a], tangent = _slip_state(m, a)

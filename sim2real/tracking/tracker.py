@@ -29,7 +29,7 @@ from sim2real.tracking.error_states import (
     STATES,
     Gains,
 )
-from sim2real.tracking.kernel import Deviations, Filter, Mechanics, Recorded, Tracked, track
+from sim2real.tracking.kernel import Deviations, Filter, Recorded, Tracked, track
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
@@ -283,12 +283,8 @@ class Tracker:
             name: np.zeros((count - known, len(axes), *shape)) for name, shape in _GAINS.items()
         }
         gain = fresh["gain"] if gains is None else np.stack([g.gain for g in gains], axis=1)
-        mechanics = Mechanics(
-            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
-            arrays.slipping, arrays.shares, arrays.arena, stage.control_period, steps, stage.ticks,
-        )  # fmt: skip
         filter_arrays = Filter(**{**fresh, "gain": gain})
-        track(mechanics, recorded, deviations, gains is None, Tracked(**out), filter_arrays)
+        track(arrays.mechanics, recorded, deviations, gains is None, Tracked(**out), filter_arrays)
         return _Run(out, {**fresh, "gain": gain})
 
     def _seen(self, run: _Run, at: int, gains: Gains) -> Track:

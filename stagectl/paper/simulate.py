@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from estimation.trajectory import Limits, plan
-from hil_sim.plant import element_shares, slip_step, stribeck
+from hil_sim.plant import Slip, element_shares, slip_step, stribeck
 from stagectl.paper import published
 from stagedata.compiled import kernel
 
@@ -198,8 +198,6 @@ def _run(
                     direction = heading
                     slips[:] = False
                 curve = stribeck(half, alpha, vs, shape)
-                friction = slip_step(
-                    forces, slips, shares, count, direction, dx, element_stiffness,
-                    coulomb * curve, math.exp(-rate * dt / curve),
-                )  # fmt: skip
+                slip = Slip(direction, dx, coulomb * curve, math.exp(-rate * dt / curve))
+                friction = slip_step(forces, slips, shares, slip, element_stiffness, count)
             v = (half + 0.5 * dt / mass * (u - friction)) / (1.0 + 0.5 * dt * viscous / mass)

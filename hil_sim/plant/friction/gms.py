@@ -9,6 +9,8 @@ F_inf = sgn(v) nu_i s(v) Fc.  Viscous friction is the plant's business.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,50 +47,69 @@ def balance(elements: int, static: float, force: float) -> F64:
     return forces
 
 
+class Slip(NamedTuple):
+    """The sliding in a step.
+
+    Attributes:
+        direction: sign of the velocity, +1 or -1.
+        displacement: [m].
+        level: s(v) Fc [N], what may scale Fc included.
+        decay: exp(-C dt/(s(v) Fc)).
+    """
+
+    direction: float
+    displacement: float
+    level: float
+    decay: float
+
+
+@kernel(inline="always")
+def turn(p, s, slipping, direction):  # type: ignore[no-untyped-def]
+    """Let all elements of an axis stick where its direction of motion changes."""
+    if direction != s.direction:
+        s.direction = direction
+        for i in range(p.first_element, p.first_element + p.elements):
+            slipping[i] = False
+
+
 @kernel(inline="always")
 def slip_step(
     forces: F64,
     slipping: NDArray[np.bool_],
     shares: F64,
-    count: int,
-    direction: float,
-    displacement: float,
+    slip: Slip,
     element_stiffness: float,
-    level: float,
-    decay: float,
+    count: int,
     first: int = 0,
 ) -> float:
-    """Advance all elements by one step; return their total force (10 arguments: one compiled call).
+    """Advance all elements by one step; return their total force.
 
     Args:
         forces: F_i [N], shape (>= count,), changed in place.
         slipping: slip flags, same shape, changed in place.
         shares: nu_i, same shape.
-        count: elements in use.
-        direction: sign of the velocity, +1 or -1.
-        displacement: of this step [m].
+        slip: of this step.
         element_stiffness: k_i sigma0 [N/m], the same for all elements.
-        level: s(v) Fc [N], what may scale Fc included.
-        decay: exp(-C dt/(s(v) Fc)) of this step.
+        count: elements in use.
         first: number of the first element, where several axes share the arrays. (A slice for each
             axis would count references at every step, which takes longer than the step.)
     """
     total = 0.0
     begin = np.uint64(first)  # an index without sign is not checked for counting from the end
     for i in range(begin, begin + np.uint64(count)):
-        limit = shares[i] * level
+        limit = shares[i] * slip.level
         force = forces[i]
         if not slipping[i]:
-            stretched = force + element_stiffness * displacement
-            if stretched * direction >= limit:
+            stretched = force + element_stiffness * slip.displacement
+            if stretched * slip.direction >= limit:
                 slipping[i] = True
                 # A limit that fell below the force at higher speed is approached, not jumped to.
-                force = direction * max(limit, force * direction)
+                force = slip.direction * max(limit, force * slip.direction)
             else:
                 force = stretched
         if slipping[i]:
-            goal = direction * limit
-            force = goal + (force - goal) * decay
+            goal = slip.direction * limit
+            force = goal + (force - goal) * slip.decay
         forces[i] = force
         total += force
     return total

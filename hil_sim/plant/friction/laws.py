@@ -1,10 +1,10 @@
 """The friction laws of the simulated plant by name, each in a module of its own.
 
 They are the simulator's truth; the estimator has laws of its own (`estimation.friction`) and never
-sees these. In a step of `hil_sim.plant.mechanics.advance` a law acts either before the displacement
+sees these. In a step of `hil_sim.plant.mechanics` a law acts either before the displacement
 (`coulomb.hold` finds the force that would stop the axis in this step, up to its limit) or after it
 (`gms.slip_step` gives the force for the next step). A new law is a module, its number here, and its
-line in `advance` and in `inverse`.
+line in `mechanics` and in `inverse`.
 """
 
 from __future__ import annotations

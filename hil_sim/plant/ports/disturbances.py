@@ -69,6 +69,49 @@ def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     return value, offset + 6 + rows * columns
 
 
+@kernel(inline="always")
+def _level(p, s, across, arena, t):  # type: ignore[no-untyped-def]
+    """Set the factor on Fc at `s.place` and t, and its slope."""
+    coulomb = 1.0
+    slope = 0.0
+    if p.position_coulomb >= 0:
+        coulomb, slope = _table(
+            arena, p.position_coulomb, p.table_low, p.table_inverse, p.table_count, s.place
+        )
+    factor = 1.0
+    for i in range(p.decay_count):
+        at = p.decays + 2 * i
+        factor *= 1.0 + arena[at] * math.exp(-t * arena[at + 1])
+    if p.time_coulomb >= 0:
+        value, _ = _over_time(arena, p.time_coulomb, p.time_inverse, p.time_count, t)
+        factor *= value
+    if p.field_count > 0:
+        offset = p.fields
+        for _ in range(p.field_count):
+            value, offset = _field(arena, offset, s.place, across)
+            factor *= value
+    s.coulomb = coulomb * factor
+    s.coulomb_slope = slope * factor
+
+
+@kernel(inline="always")
+def _push(p, s, arena, t, half):  # type: ignore[no-untyped-def]
+    """Set the force over time at t, linear about the middle of the tick, and its rate."""
+    push = 0.0
+    rate = 0.0
+    for i in range(p.harmonic_count):
+        at = p.harmonics + 3 * i
+        angle = arena[at + 1] * (t + half) + arena[at + 2]
+        push += arena[at] * math.sin(angle)
+        rate += arena[at] * arena[at + 1] * math.cos(angle)
+    if p.time_force >= 0:
+        value, slope = _over_time(arena, p.time_force, p.time_inverse, p.time_count, t + half)
+        push += value
+        rate += slope
+    s.push = push - rate * half
+    s.push_rate = rate
+
+
 @kernel()
 def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
     """Prepare a control tick, in one long function: passing the arena on costs more than the work.
@@ -95,26 +138,7 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
     t = s.clock * period
     s.clock += 1
     half = 0.5 * period
-    coulomb = 1.0
-    slope = 0.0
-    if p.position_coulomb >= 0:
-        coulomb, slope = _table(
-            arena, p.position_coulomb, p.table_low, p.table_inverse, p.table_count, middle
-        )
-    factor = 1.0
-    for i in range(p.decay_count):
-        at = p.decays + 2 * i
-        factor *= 1.0 + arena[at] * math.exp(-(t + half) * arena[at + 1])
-    if p.time_coulomb >= 0:
-        value, _ = _over_time(arena, p.time_coulomb, p.time_inverse, p.time_count, t + half)
-        factor *= value
-    if p.field_count > 0:
-        offset = p.fields
-        for _ in range(p.field_count):
-            value, offset = _field(arena, offset, middle, across)
-            factor *= value
-    s.coulomb = coulomb * factor
-    s.coulomb_slope = slope * factor
+    _level(p, s, across, arena, t + half)
     if p.position_gain >= 0:
         s.gain, s.gain_slope = _table(
             arena, p.position_gain, p.table_low, p.table_inverse, p.table_count, middle
@@ -131,19 +155,7 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
         )
         s.pull += value
         s.pull_slope += slope
-    push = 0.0
-    rate = 0.0
-    for i in range(p.harmonic_count):
-        at = p.harmonics + 3 * i
-        angle = arena[at + 1] * (t + half) + arena[at + 2]
-        push += arena[at] * math.sin(angle)
-        rate += arena[at] * arena[at + 1] * math.cos(angle)
-    if p.time_force >= 0:
-        value, slope = _over_time(arena, p.time_force, p.time_inverse, p.time_count, t + half)
-        push += value
-        rate += slope
-    s.push = push - rate * half
-    s.push_rate = rate
+    _push(p, s, arena, t, half)
 
 
 @kernel()

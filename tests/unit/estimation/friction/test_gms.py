@@ -154,7 +154,7 @@ def test_impossible_figures_are_named(change, word):
 
 def test_agrees_with_the_plants_own_friction():
     # Two programs, two step sizes: the estimator's 1 kHz model against the simulator's 20 us one.
-    from hil_sim.plant import slip_step, stribeck
+    from hil_sim.plant import Slip, slip_step, stribeck
 
     t = np.arange(0, 0.35, 2e-5)
     x = 2e-3 * (t / 0.1) ** 2 * np.exp(-t / 0.03) * np.sin(2 * np.pi * 8 * t)
@@ -169,8 +169,8 @@ def test_agrees_with_the_plants_own_friction():
         curve = stribeck(v, 0.4, 2e-3, 1.0)
         truth.append(
             slip_step(
-                forces, slipping, element_shares(10), 10, direction, dx, 6e4, 6.0 * curve,
-                math.exp(-100.0 * 2e-5 / curve),
+                forces, slipping, element_shares(10),
+                Slip(direction, dx, 6.0 * curve, math.exp(-100.0 * 2e-5 / curve)), 6e4, 10,
             )
         )  # fmt: skip
     model, _ = run(TEN, x[::50])

@@ -11,7 +11,7 @@ from estimation.offline.records import Samples
 from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
-from hil_sim.plant import simulate, slip_step, stribeck
+from hil_sim.plant import Slip, simulate, slip_step, stribeck
 from stagectl.config import load_machine, stage_settings
 from stagedata import FrictionFigures
 
@@ -108,10 +108,9 @@ def open_loop(shares, asymmetry, seed=3) -> Samples:
                 heading = float(np.sign(dx))
                 slipping[:] = False
             curve = stribeck(dx / 5e-5, 0.4, 2e-3, 1.0)
-            friction[k] = slip_step(
-                forces, slipping, shares, count, heading, dx, 6e5 / count,
-                6.0 * (1 + asymmetry * heading) * curve, np.exp(-100.0 * 5e-5 / curve),
-            )  # fmt: skip
+            level = 6.0 * (1 + asymmetry * heading) * curve
+            slip = Slip(heading, dx, level, np.exp(-100.0 * 5e-5 / curve))
+            friction[k] = slip_step(forces, slipping, shares, slip, 6e5 / count, count)
         else:
             friction[k] = friction[k - 1]
     v, a = np.gradient(x, 5e-5), np.gradient(np.gradient(x, 5e-5), 5e-5)

@@ -141,7 +141,7 @@ def test_variants_side_by_side_are_those_alone(nominal, effects):
     ]
     level = 1.0 + 0.1 * np.cos(np.arange(400) / 30.0)
     together = simulate_variants(
-        nominal.sync_period, variants, demand, offset, 2.0, level=level, rounded=False
+        replace(nominal, axes=tuple(variants)), demand, offset, 2.0, level=level, rounded=False
     )
     for i, axis in enumerate(variants):
         alone = simulate(
@@ -150,9 +150,9 @@ def test_variants_side_by_side_are_those_alone(nominal, effects):
         )  # fmt: skip
         np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
         np.testing.assert_array_equal(together.force[:, i], alone.force[:, 0])
-    tied = [x, replace(x, effects=(effects["cross_coupling"].at(mass=0.3),))]
+    tied = (x, replace(x, effects=(effects["cross_coupling"].at(mass=0.3),)))
     with pytest.raises(ValueError, match="that involve another one"):
-        simulate_variants(nominal.sync_period, tied, demand, offset)
+        simulate_variants(replace(nominal, axes=tied), demand, offset)
 
 
 def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):

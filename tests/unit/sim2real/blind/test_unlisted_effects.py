@@ -44,11 +44,8 @@ def test_each_shows_in_a_recording(recorded):
     settings = stage_settings(load_machine())
     axis = settings.axes[0]
     every = (*UNLISTED, *UNLISTED_VARIANTS)
-    variants = [
-        axis,
-        *(replace(axis, effects=(e.at(**middle(axis, e)),)) for e in every),
-    ]
-    response = simulate_variants(settings.sync_period, variants, *recorded)
+    changed = (replace(axis, effects=(e.at(**middle(axis, e)),)) for e in every)
+    response = simulate_variants(replace(settings, axes=(axis, *changed)), *recorded)
     assert np.isfinite(response.position).all()
     nominal = response.position[:, 0], response.force[:, 0]
     for i, effect in enumerate(every, 1):
@@ -72,6 +69,6 @@ def test_none_of_its_size_is_no_effect(recorded):
         (size,) = (p for p in effect.parameters if p.role == "size")
         values = middle(axis, effect) | {size.key: size.neutral_on(axis)}
         nothing = replace(axis, effects=(effect.at(**values),))
-        response = simulate_variants(settings.sync_period, [axis, nothing], demand, offset)
+        response = simulate_variants(replace(settings, axes=(axis, nothing)), demand, offset)
         off = np.abs(response.position[:, 0] - response.position[:, 1])
         assert off.max() <= 2.1e-9, effect.name

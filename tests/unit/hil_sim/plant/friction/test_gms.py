@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_sim.plant import element_shares, slip_step, stribeck
+from hil_sim.plant import Slip, element_shares, slip_step, stribeck
 
 
 def drive(positions, *, elements=1, coulomb=2.0, stiffness=1e5, alpha=0.0, rate=100.0, dt=1e-5):
@@ -24,8 +24,9 @@ def drive(positions, *, elements=1, coulomb=2.0, stiffness=1e5, alpha=0.0, rate=
                 slipping[:] = False
             curve = stribeck(dx / dt, alpha, 2e-3, 1.0)
             total = slip_step(
-                forces, slipping, shares, elements, direction, dx, stiffness / elements,
-                coulomb * curve, math.exp(-rate * dt / curve),
+                forces, slipping, shares,
+                Slip(direction, dx, coulomb * curve, math.exp(-rate * dt / curve)),
+                stiffness / elements, elements,
             )  # fmt: skip
         out.append(total)
     return np.array(out)
@@ -67,17 +68,16 @@ def test_slip_relaxes_exponentially_to_the_new_level():
     # Static level at rest speed, then a fast slide: F - Fc decays with rate C/Fc.
     forces, slipping = np.array([3.0]), np.array([True])
     rate, dt = 80.0, 1e-4
-    values = [
-        slip_step(forces, slipping, np.array([1.0]), 1, 1.0, 1e-4, 1e5, 2.0, math.exp(-rate * dt))
-        for _ in range(200)
-    ]
+    slip = Slip(1.0, 1e-4, 2.0, math.exp(-rate * dt))
+    values = [slip_step(forces, slipping, np.array([1.0]), slip, 1e5, 1) for _ in range(200)]
     time = dt * np.arange(1, 201)
     np.testing.assert_allclose(values, 2.0 + 1.0 * np.exp(-rate * time), rtol=1e-12)
 
 
 def test_a_limit_that_falls_below_the_force_is_approached_not_jumped_to():
     forces, slipping = np.array([3.0]), np.array([False])
-    after = slip_step(forces, slipping, np.array([1.0]), 1, 1.0, 1e-9, 1e5, 2.0, math.exp(-0.01))
+    slip = Slip(1.0, 1e-9, 2.0, math.exp(-0.01))
+    after = slip_step(forces, slipping, np.array([1.0]), slip, 1e5, 1)
     assert after == pytest.approx(2.0 + math.exp(-0.01), rel=1e-9)
 
 
