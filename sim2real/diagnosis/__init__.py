@@ -13,7 +13,6 @@ from sim2real.diagnosis.examination import (
     Progress,
     examine,
     report_without_causes,
-    why_insufficient,
 )
 from sim2real.diagnosis.other_recordings import examine_others, judge_elsewhere
 from sim2real.diagnosis.procedure import diagnose
@@ -30,5 +29,4 @@ __all__ = [
     "examine_others",
     "judge_elsewhere",
     "report_without_causes",
-    "why_insufficient",
 ]

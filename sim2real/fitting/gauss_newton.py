@@ -34,6 +34,8 @@ _STEP_SHARES = (0.3, 0.05)
 """Shares of a step that are tried where the whole step raises the cost."""
 _SLOPE_TRIALS = 3
 """Steps that a difference quotient may try."""
+_SETTLED = (0.5, 1e-4)
+"""Reduction of the cost below which the iteration ends: absolute, and beside it relative."""
 _SLACK = 30.0
 """Rise of the cost allowed to each step of a thorough fit: slips make the cost rough, and where the
 data determine nothing the prior must prevail."""
@@ -44,7 +46,6 @@ def fit(
     model: AxisModel,
     iterations: int = 4,
     base_columns: F64 | None = None,
-    settled: float = 0.5,
     thorough: bool = True,
 ) -> Fitted:
     """Fit base parameters and effects of a model, starting from its values.
@@ -54,10 +55,8 @@ def fit(
         model: the start, effects included.
         iterations: of Gauss-Newton, at most.
         base_columns: derivatives by the base parameters near the start; computed when None.
-        settled: reduction of the cost below which the iteration ends, beside 1e-4 of the cost;
-            not used where `thorough`.
-        thorough: make all iterations, let a step raise the cost by up to `_SLACK`, and compute the
-            covariance at the end.
+        thorough: make all iterations, also where the cost hardly falls (`_SETTLED`), let a step
+            raise it by up to `_SLACK`, and compute the covariance at the end.
     """
     residual = problem.residual(model)
     cost = problem.cost(model, residual)
@@ -83,16 +82,14 @@ def fit(
             model, -solve_scaled(normal, gradient), normal, gradient, problem.spread
         )
         done += 1
-        if not np.isfinite(step).all():
-            done, falling = iterations, 0.0
-            continue
-        taken = _descend(problem, model, cost + (_SLACK if thorough else 0.0), step, limit)
+        below = cost + (_SLACK if thorough else 0.0)
+        taken = _descend(problem, model, below, step, limit) if np.isfinite(step).all() else None
         if taken is None:
             done, falling = iterations, 0.0
             continue
         trial, trial_residual, trial_cost = taken
         falling = cost - trial_cost
-        if falling < settled + 1e-4 * cost and not thorough:
+        if falling < _SETTLED[0] + _SETTLED[1] * cost and not thorough:
             done, falling = iterations, 0.0
         model, residual, cost = trial, trial_residual, trial_cost
 

@@ -8,13 +8,12 @@ where to start each effect, and `search` selects up to six, judged on held-out m
 
 from sim2real.free_loop.fit import FreeFit, fit_free, least_squares_covariance, move_covariance
 from sim2real.free_loop.loop import FreeLoop
-from sim2real.free_loop.search import FreeSearch, Step, fit_figures, search_free
+from sim2real.free_loop.search import FreeSearch, fit_figures, search_free
 
 __all__ = [
     "FreeFit",
     "FreeLoop",
     "FreeSearch",
-    "Step",
     "fit_figures",
     "fit_free",
     "least_squares_covariance",

@@ -13,13 +13,12 @@ loop) does not show.
 
 from sim2real.open_loop.empirical import describe_residual
 from sim2real.open_loop.figures import FIGURES, fit_figures
-from sim2real.open_loop.lateness import Delay, find_delay, has_lost_sign
+from sim2real.open_loop.lateness import find_delay, has_lost_sign
 from sim2real.open_loop.loop import MotionLoop, compare_along
 from sim2real.open_loop.motion import Motion, measure_motion
 
 __all__ = [
     "FIGURES",
-    "Delay",
     "Motion",
     "MotionLoop",
     "compare_along",
