@@ -40,8 +40,6 @@ _GRIDS = {
     "drift": _DRIFTS,
 }
 """Timing -> values that are tried [s; bandwidth: Hz; drift: s/s]."""
-_DEAD_TIMES, _CORNERS = (1e-4, 3e-4, 5e-4, 7e-4, 9e-4), (120.0, 180.0, 270.0, 400.0, 700.0)
-"""Starting values of the joint search for dead time and bandwidth [s, Hz]."""
 _ONE = np.eye(len(TERMS))
 _FREED = {
     "": _ONE[:, :0],
@@ -54,10 +52,8 @@ the parts of each free factor."""
 GAINS = tuple(_FREED)
 _MOVING = 0.02
 """Speed above which friction is simple enough for inertia to be fitted [m/s]."""
-_CLEARLY, _WHOLE = 0.7, 0.02
-"""Ratio of what two inertia fits leave, at the whole lag and at whole samples, below which the
-whole lag is the log's (less clear ratios may be due to a moving base); and the distance from a
-whole number of samples that counts as none."""
+_WHOLE = 0.02
+"""Distance from a whole number of samples that counts as none."""
 _FEWEST = 200
 _AVERAGED = 8e-3
 """Time over which force and inertia are compared [s]: the second derivative of a coarse encoder's
@@ -139,9 +135,7 @@ def _fit_current_path(
     """Dead time and current bandwidth together: either alone may have compensated for the other."""
     alone = {s.timing: s for s in tried if s.timing in ("lag", "bandwidth")}
     lag, bandwidth = alone["lag"], alone["bandwidth"]
-    stated = law.bandwidth
-    starts = [(lag.value, stated), (0.0, bandwidth.value)]
-    starts += [(dead, corner) for dead in _DEAD_TIMES for corner in _CORNERS]
+    starts = [(lag.value, law.bandwidth), (0.0, bandwidth.value)]
 
     def at(of: ControllerLaw, figures: FloatArray) -> LawHypothesis:
         lag, corner = float(figures[0]) * 1e-3, float(np.exp(figures[1]))
@@ -236,8 +230,7 @@ def _fit_products(products: FloatArray, timing: str, value: float, gains: str) -
 def log_lateness(law: ControllerLaw, lag: float) -> float:
     """How much of a lag of the force behind the law is the log's; the rest is the stage's.
 
-    Logs are late by whole samples: the number at which the force agrees best with inertia. Where
-    it agrees clearly better at the whole lag, that is the log's.
+    Logs are late by whole samples: the number at which the force agrees best with inertia.
 
     Args:
         law: of the axis.
@@ -249,14 +242,10 @@ def log_lateness(law: ControllerLaw, lag: float) -> float:
     most = math.floor(lag / law.period + _WHOLE)
     fits = {n: _inertia_remainder(law, n * law.period) for n in range(min(most, 0), most + 1)}
     left = {n: fit for n, fit in fits.items() if fit is not None}
-    entirely = _inertia_remainder(law, lag)
-    if not left or entirely is None:
+    if not left:
         return min(lag, 0.0)
     best = min(left, key=lambda n: left[n])
-    if entirely < _CLEARLY * left[best]:
-        return lag
-    samples = lag / law.period
-    return lag if best and abs(samples - best) < _WHOLE else best * law.period
+    return lag if best and abs(lag / law.period - best) < _WHOLE else best * law.period
 
 
 def _inertia_remainder(law: ControllerLaw, lag: float) -> float | None:
