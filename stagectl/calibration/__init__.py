@@ -1,7 +1,7 @@
 """Calibration: friction measured at fixed sites, and identified from recordings.
 
 `sites` (the file), `enough_sites` (for a map), `sequence` (moves at a site), `due` (when),
-`insert_sites` (into production), `outcome` and `report` (results), `recorded` (what a recording
+`insert_sites` (into production), `outcome` and `page` (results), `recorded` (what a recording
 says), `documents` (results again from it), `identify` (figures of an axis).
 """
 
@@ -12,14 +12,16 @@ from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.calibration.insert_sites import insert_sites
 from stagectl.calibration.outcome import (
     SiteOutcome,
-    common_changes,
     predicted_gains,
-    reached_gains,
     site_outcomes,
     visited_sites,
 )
+from stagectl.calibration.page import (
+    CalibrationReport,
+    calibration_outline,
+    write_calibration_page,
+)
 from stagectl.calibration.recorded import read_calibration
-from stagectl.calibration.report import CalibrationReport, write_calibration_report
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration, DueSection, load_calibration
 
@@ -29,7 +31,7 @@ __all__ = [
     "DueSection",
     "SiteOutcome",
     "SiteSequence",
-    "common_changes",
+    "calibration_outline",
     "due_now",
     "due_sites",
     "identify_axis",
@@ -37,11 +39,10 @@ __all__ = [
     "insert_sites",
     "load_calibration",
     "predicted_gains",
-    "reached_gains",
     "read_calibration",
     "require_enough_sites",
     "rewrite_all_documents",
     "site_outcomes",
     "visited_sites",
-    "write_calibration_report",
+    "write_calibration_page",
 ]

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.calibration.outcome import site_outcomes, visited_sites
+from stagectl.calibration.page import CalibrationReport, write_calibration_page
 from stagectl.calibration.recorded import read_calibration
-from stagectl.calibration.report import CalibrationReport, write_calibration_report
 from stagectl.calibration.sites import recorded_sequence
 from stagectl.config.machine.file import parse_machine
 from stagectl.history import StageKey
@@ -39,7 +39,7 @@ def rewrite_all_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]
     recording = recording_in(path)
     if is_calibration(recording):
         page = document_paths(recording)[1]
-        write_calibration_report(page, _recorded_report(recording, summary))
+        write_calibration_page(page, _recorded_report(recording, summary))
         written = (*written, page)
     return summary, written
 
@@ -64,4 +64,5 @@ def _recorded_report(path: Path, summary: dict[str, Any]) -> CalibrationReport:
         None,
         None,
         is_from_recording=True,
+        notices=[e["text"] for e in notes.events if e["event"] == "limitation"],
     )

@@ -23,15 +23,11 @@ from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-
     from stagectl.calibration import Calibration, SiteOutcome, SiteSequence
     from stagectl.history import Pair, StageKey
     from stagectl.maps import AxisChange, MapVersion
     from stagectl.recipe import Recipe
     from stagectl.run import Resumed, RunRequest
-
-_STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
 
 @click.command(cls=StageCommand)
@@ -181,16 +177,17 @@ def _measure(
     """
     from stagectl.calibration import (
         CalibrationReport,
+        calibration_outline,
         site_outcomes,
         visited_sites,
-        write_calibration_report,
+        write_calibration_page,
     )
     from stagectl.cli.progress import RunProgress
     from stagectl.config import is_server, without_password
     from stagectl.errors import StagectlError
     from stagectl.history import StageKey
     from stagectl.maps import TooFewPlaces
-    from stagectl.report import friction_map_used, resume_command
+    from stagectl.report import friction_map_used, print_outline, resume_command, whole
     from stagectl.run import Listener, execute
 
     console = console_for(json_out)
@@ -198,8 +195,7 @@ def _measure(
     with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     stage = StageKey(machine.name, request.truth is not None)
-    for notice in result.notices:
-        console.print(notice, style="yellow", soft_wrap=True)
+    notices = list(result.notices)
     version, before_it, failed = None, None, result.error
     changes: list[AxisChange] = []
     if failed is None:
@@ -208,7 +204,7 @@ def _measure(
                 raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
             version, before_it, changes = _new_map(request, stage)
         except TooFewPlaces as error:
-            console.print(f"no new map: {error}", style="yellow", soft_wrap=True)
+            notices.append(f"no new map: {error}")
         except StagectlError as error:
             failed = StagectlError(f"no new map: {error}")
     friction = [*before, *result.summary["friction"]]
@@ -218,47 +214,27 @@ def _measure(
     built = None if version is None else version.map
     number = None if version is None else version.number
     found = site_outcomes(sites, friction, tuple(machine.axes), built, changes)
-    console.print(f"friction map used: {friction_map_used(result.summary)}")
-    _print_outcomes(console, found, changes, calibration.sequence)
+    report = CalibrationReport(
+        request.recipe.name, str(stage), f"{request.started:%Y-%m-%d %H:%M:%S %Z}",
+        None if failed is None else str(failed), friction_map_used(result.summary),
+        len(sites), len(request.recipe.sites), found, changes, calibration.sequence, version,
+        before_it, notices=notices,
+    )  # fmt: skip
+    outline = calibration_outline(report)
     if number is not None:
         where = str(request.history)
         where = without_password(where) if is_server(where) else where
-        console.print(
+        text = (
             f"map {number} stored in {where}; 'stagectl map activate {number} --history "
-            f"{shlex.quote(where)}' puts it into use",
-            soft_wrap=True,
-        )  # fmt: skip
-    elif result.error is not None:
-        command = resume_command(result.summary)
-        console.print(
-            f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits"
-            + ("" if command is None else f"; to continue: {command}"),
-            soft_wrap=True,
-        )  # fmt: skip
+            f"{shlex.quote(where)}' puts it into use"
+        )
+        console.print(print_outline(outline, whole(text)), crop=False)
+    else:
+        command = None if result.error is None else resume_command(result.summary)
+        console.print(print_outline(replace(outline, command=command)), crop=False)
     write_json(_as_dict(request, number, found, calibration.sequence), json_out)
-    write_calibration_report(
-        request.folder / "report.html",
-        CalibrationReport(
-            request.recipe.name, str(stage), f"{request.started:%Y-%m-%d %H:%M:%S %Z}",
-            None if failed is None else str(failed), friction_map_used(result.summary),
-            len(sites), len(request.recipe.sites), found, changes, calibration.sequence, version,
-            before_it,
-        ),
-    )  # fmt: skip
+    write_calibration_page(request.folder / "report.html", report)
     return failed
-
-
-def _print_outcomes(
-    console: Console, found: list[SiteOutcome], changes: list[AxisChange], sequence: SiteSequence
-) -> None:
-    from stagectl.calibration import common_changes, reached_gains
-
-    console.print(_table(found, sequence), crop=False, soft_wrap=True)
-    reached = reached_gains(found, sequence)
-    if reached:
-        console.print("uncertainty reached, median over the sites, 1 sigma:")
-    for line in [*(f"  {line}" for line in reached), *common_changes(changes)]:
-        console.print(line, soft_wrap=True)
 
 
 def _new_map(
@@ -295,35 +271,6 @@ def _new_map(
         return MapVersion(number, now, comment, False, built), before, changes
     finally:
         history.close()
-
-
-def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
-    """A row per site and axis; suggestions below the table."""
-    from rich import box
-    from rich.console import Group
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))  # fits 80 columns
-    for title in (
-        "site", "x, mm", "y, mm", "axis", "Fc, N", "±1 sigma", "change",
-        "bits gained\n(expected)", "",
-    ):  # fmt: skip
-        table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
-    lines: list[RenderableType] = []
-    for entry in found:
-        bits = sum(gain.bits for gain in entry.gains.values())
-        expected = sum(gain.bits for gain in sequence.gains[entry.axis].values())
-        table.add_row(
-            str(entry.site), *(f"{p * 1e3:.1f}" for p in entry.place), entry.axis,
-            "" if entry.coulomb is None else f"{entry.coulomb:.3f}",
-            "" if entry.sigma is None else f"{100 * entry.sigma:.1f} %",
-            "" if entry.change is None else f"{100 * entry.change:+.1f} %",
-            f"{bits:.1f} ({expected:.1f})", Text(entry.severity, _STYLES[entry.severity]),
-        )  # fmt: skip
-        if entry.severity != "good":
-            lines.append(Text(f"site {entry.site}, axis {entry.axis}: {entry.suggestion}"))
-    return Group(table, *lines)
 
 
 def _as_dict(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from stagectl.cli.console import console_for, progress_bar
-from stagectl.cli.gap_measure import gap_table, measured_gap
+from stagectl.cli.gap_measure import measured_gap
 from stagectl.cli.options import JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from sim2real.gap import Gap
     from stagectl.config import Machine
+    from stagectl.report import Section
     from stagectl.sequencer import MoveStatistics
     from stagectl.store import RecordingBlocks
 
@@ -47,6 +47,8 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     from sim2real.findings import FORMAT, VERSION, GapFigures, gap_json
     from sim2real.gap import gap_closed, pool_gaps
     from stagectl.config import stage_settings
+    from stagectl.report import print_sections
+    from stagectl.report.gap import gap_section
     from stagectl.store import RecordingBlocks
 
     paths = recordings or tuple(path for path in (first, second) if _is_recording(path))
@@ -86,10 +88,8 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
         write_json(report, json_out)
     if not is_json_on_stdout(json_out):
         title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
-        console.print(gap_table(both, title, "A", "B"))
-        console.print(closed_line(share), highlight=False)
-        if settled:
-            console.print(_settling_table(settled))
+        gap = gap_section(both, title, "A", "B", repeats=[closed_line(share)])
+        console.print(print_sections([gap, _settling_section(settled)]), crop=False)
 
 
 def closed_line(share: float | None) -> str:
@@ -160,21 +160,19 @@ def _settling_json(settled: Settling) -> dict[str, Any]:
     }
 
 
-def _settling_table(settled: Settling) -> Any:
+def _settling_section(settled: Settling) -> Section:
     """Settling time of each recording's moves in ms, mean and 90th percentile per window."""
-    from rich.table import Table
+    from stagectl.report import Section, Table
 
-    windows = sorted(next(iter(next(iter(settled.values())).values())).settling_mean)
-    table = Table(title="Settling (mean, 90th percentile), ms", title_justify="left")
-    for name in ("recording", "move"):
-        table.add_column(name, overflow="fold")
-    for name in ("moves", *(f"±{window * 1e9:g} nm" for window in windows)):
-        table.add_column(name, justify="right")
+    windows = sorted({w for of in settled.values() for b in of.values() for w in b.settling_mean})
+    titles = ["recording", "move", "moves", *(f"±{window * 1e9:g} nm" for window in windows)]
+    rows = []
     for path, blocks in settled.items():
         for kind, block in blocks.items():
-            times: Sequence[str] = [
+            times = [
                 f"{block.settling_mean[w] * 1e3:.1f}, {block.settling_p90[w] * 1e3:.1f}"
                 for w in windows
             ]
-            table.add_row(_name(Path(path)), kind, str(block.count), *times)
-    return table
+            rows.append((_name(Path(path)), kind, str(block.count), *times))
+    title = "Settling (mean, 90th percentile), ms"
+    return Section(title, table=Table(titles, rows))

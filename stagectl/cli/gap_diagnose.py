@@ -12,30 +12,18 @@ import click
 from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import HTML, JSON, MACHINE_FILE, RECIPE_FILE
 from stagectl.cli.files import Output, check_output
-from stagectl.cli.gap_measure import gap_table, machine_of
+from stagectl.cli.gap_measure import machine_of
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
-    from rich.text import Text
-
     from hil_sim.effects import Value
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis
-    from sim2real.findings import Cause, FigureChange, GapReport, NextExperiment
+    from sim2real.findings import NextExperiment
     from stagectl.config import Machine
 
-_MAX_CELLS = 6  # places of the gap that are listed
-_LABEL_WIDTH = 9  # characters of "empirical", the longest label
 _MAX_COMPARED = 8  # effects whose similarity is shown
-_VERDICTS = {
-    "no_gap": ("No gap", "green"),
-    "explained": ("Explained", "green"),
-    "partly_explained": ("Partly explained", "yellow"),
-    "unexplained": ("Unexplained", "red"),
-    "insufficient": ("Insufficient", "yellow"),
-}
 
 
 @click.command("diagnose")
@@ -111,6 +99,8 @@ def diagnose(
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
+    from stagectl.report import print_outline
+    from stagectl.report.gap import diagnosis_outline, render_gap_page
     from stagectl.store import read_recording, write_atomically
 
     recorded = [read_recording(path) for path in recordings]
@@ -142,8 +132,6 @@ def diagnose(
         views = view_residuals(examined.measured, found.explained or None, examined.settings)
         write_json(report.to_json() | residuals_json(views), json_out)
     if html_out is not None:
-        from stagectl.report.gap import render_gap_page
-
         page = render_gap_page(
             report,
             examined,
@@ -156,7 +144,8 @@ def diagnose(
         write_atomically(html_out, page, "report")
     has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
     if not is_json_on_stdout(json_out):
-        print_report(console, report, model.name)
+        outline = diagnosis_outline(report, model.name, examined.measured)
+        console.print(print_outline(outline), crop=False)
         if next_out is not None and report.next_experiment is None:
             console.print(f"{next_out} is not written: no moves to propose")
         without = [name for name, figures in model.unknown.items() if GAINS in figures]
@@ -260,104 +249,3 @@ def _recipe(experiment: NextExperiment) -> str:
     return f"# {experiment.why}\n" + yaml.safe_dump(
         experiment.recipe(), sort_keys=False, default_flow_style=None
     )
-
-
-def print_report(console: Console, report: GapReport, machine: str) -> None:
-    """The report on one screen (long: one part after another)."""
-    from rich.text import Text
-
-    word, colour = _VERDICTS[report.verdict]
-    lines: list[tuple[str | Text, str]] = [(Text(f"{word}:", f"bold {colour}"), report.reason)]
-    lines += [
-        ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
-    ]
-    if report.clock is not None:
-        lines.append(("clock", report.clock))
-    console.print(_grid(lines))
-    lines = [
-        (
-            "fitted",
-            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
-            f"{f.unit} fitted",
-        )
-        for f in report.fitted
-    ]
-    if lines:
-        console.print(_grid(lines))
-    if report.gap is not None:
-        console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
-    lines = [("where", cell.text) for cell in report.where[:_MAX_CELLS]]
-    if len(report.where) > _MAX_CELLS:
-        lines.append(("", f"and {len(report.where) - _MAX_CELLS} more with smaller shares"))
-    for cause in report.causes:
-        lines += _cause_lines(cause)
-    lines += [
-        (
-            "step",
-            f"{s.axis}: {', '.join(s.added)}: {100 * s.gap_closed:.0f} % on held-out moves"
-            + _elsewhere(s.elsewhere),
-        )
-        for s in report.steps
-    ]
-    lines += [
-        (
-            "empirical",
-            f"{f.axis}: a smooth force over position, direction and velocity closes "
-            f"{100 * f.gap_closed:.0f} % of what is left on held-out strokes; it describes the gap "
-            "but names no cause",
-        )
-        for f in report.empirical
-    ]
-    lines += [_figure_line(change) for change in report.figures]
-    for group in report.confusable:
-        lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
-    if report.gap_closed is not None:
-        ends = report.gap_closed_interval
-        interval = "" if ends is None else f" ({100 * ends[0]:.0f} to {100 * ends[1]:.0f} %)"
-        lines.append(
-            (
-                "closed",
-                f"{100 * report.gap_closed:.0f} %{interval} of the gap, on held-out moves"
-                + _elsewhere(report.gap_closed_elsewhere),
-            )
-        )
-    if report.next_experiment is not None:
-        lines.append(("next", report.next_experiment.why))
-    console.print(_grid(lines))
-
-
-def _cause_lines(cause: Cause) -> list[tuple[str, str]]:
-    """A cause with its figures, and its remedy."""
-    figures = ", ".join(
-        f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
-    )
-    line = f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}"
-    return [("cause", line), *([("", cause.remedy)] if cause.remedy else [])]
-
-
-def _figure_line(change: FigureChange) -> tuple[str, str]:
-    """A plant figure that the twin changes, or a warning of one that it keeps."""
-    unit = "" if change.unit == "1" else f" {change.unit}"
-    name = f"{change.axis}: {change.figure}"
-    old, new, sigma = change.texts()
-    if change.written:
-        values = f"{old} → {new} ± {sigma}{unit}"
-        return "figure", f"{name} {values}: {change.why}"
-    return "warning", f"{name} stays {old}{unit}, fitted {new}: {change.why}"
-
-
-def _elsewhere(share: float | None) -> str:
-    """The share closed on recordings that took no part; nothing where there are none."""
-    return "" if share is None else f"; {100 * share:.0f} % on the recordings of --check"
-
-
-def _grid(lines: Sequence[tuple[str | Text, str]]) -> RenderableType:
-    """Labels in a column of their own, so that long texts wrap beside them."""
-    from rich.table import Table
-
-    grid = Table.grid(padding=(0, 2, 0, 0))
-    grid.add_column(min_width=_LABEL_WIDTH, no_wrap=True)
-    grid.add_column(overflow="fold")
-    for label, text in lines:
-        grid.add_row(label, text)
-    return grid

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,7 +12,6 @@ from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, w
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
-    from sim2real.findings import GapFigures
     from sim2real.gap import GapMeter
     from stagectl.config import Machine
     from stagectl.store import RecordingBlocks
@@ -35,6 +33,8 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     """
     from sim2real.findings import FORMAT, VERSION, gap_json
     from stagectl.config import stage_settings
+    from stagectl.report import print_sections
+    from stagectl.report.gap import gap_section, repeat_lines
     from stagectl.store import RecordingBlocks
 
     recorded = RecordingBlocks(recording)
@@ -47,22 +47,9 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
         report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
         write_json({**report, "gap": gap_json(gap)}, json_out)
     if not is_json_on_stdout(json_out):
-        console.print(gap_table(gap, f"Gap of {model.name} against {recording.name} (rms)"))
-        for line in repeat_lines(found):
-            console.print(line, highlight=False)
-
-
-def repeat_lines(found: GapMeter) -> list[str]:
-    """The scatter of repeated moves compared with the floor, one line per axis that has any."""
-    lines = []
-    for axis, signals in found.repeats().items():
-        parts = [f"{signal} {check.ratio:.1f} x" for signal, check in signals.items()]
-        moves = next(iter(signals.values())).moves
-        lines.append(
-            f"{axis}: {moves} repeated moves scatter by {', '.join(parts)} "
-            "what the machine file's repeatability predicts"
-        )
-    return lines
+        title = f"Gap of {model.name} against {recording.name} (rms)"
+        section = gap_section(gap, title, repeats=repeat_lines([found.repeats()]))
+        console.print(print_sections([section]), crop=False)
 
 
 def machine_of(
@@ -115,34 +102,3 @@ def measured_gap(
     except ValueError as error:
         raise UnusableInput(f"{recorded.source}: {error}") from error
     return meter
-
-
-def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names: str) -> Any:
-    """Gaps and floors in µm and N, of axes that turn in µrad and N m.
-
-    Args:
-        found: axis -> signal -> figures.
-        title: of the table.
-        names: of the columns of `nominal` and `explained`; "gap" and "explained" by default.
-    """
-    from rich.table import Table
-
-    from sim2real.findings import SHOWN_AS
-    from sim2real.gap import PERFECT_MODEL
-
-    both = any(f.explained is not None for signals in found.values() for f in signals.values())
-    table = Table(title=title, title_justify="left", caption=PERFECT_MODEL, caption_justify="left")
-    gaps = (names or ("gap", "explained"))[: 2 if both else 1]
-    for name in ("axis", "signal", *gaps, "floor", *(f"{gap} / floor" for gap in gaps)):
-        table.add_column(name, justify="left" if name in ("axis", "signal") else "right")
-    for axis, signals in found.items():
-        for signal, gap in signals.items():
-            scale, unit = SHOWN_AS[gap.unit]
-            values = [gap.nominal, *([] if gap.explained is None else [gap.explained])]
-            table.add_row(
-                axis,
-                signal,
-                *(f"{value * scale:.3f} {unit}" for value in (*values, gap.floor)),
-                *(f"{value / gap.floor:.1f}" if gap.floor > 0 else "-" for value in values),
-            )
-    return table

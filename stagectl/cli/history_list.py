@@ -42,8 +42,8 @@ def list_runs(
     Fc is the Coulomb force (± 1 sigma) that a run has accepted last, as it stands at the end of the
     run in its summary. Accepted: estimates accepted, of all.
     """
-    from stagectl.cli.wide import Whole
     from stagectl.history import RunFilter
+    from stagectl.report import Whole
 
     def timestamp(value: datetime | None, default: float) -> float:
         return default if value is None else value.replace(tzinfo=UTC).timestamp()

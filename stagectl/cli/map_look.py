@@ -41,17 +41,24 @@ def show(
 
     Without NUMBER: the version in use, or the latest if none is.
     """
-    from stagectl.maps import at_place, map_versions, summary, version_as_json, write_map_report
+    from stagectl.maps import (
+        at_place,
+        map_outline,
+        map_versions,
+        version_as_json,
+        write_map_page,
+    )
+    from stagectl.report import print_outline, print_sections
 
     with open_history() as (opened, stage):
         version = select_version(opened, stage, number)
-        console = console_for(json_out)
-        console.print(summary(version), crop=False)
-        if at is not None:
-            console.print(at_place(version, at), crop=False)
+        older = [v for v in map_versions(opened, stage) if v.number < version.number]
+        before = older[-1] if older else None
+        more = () if at is None else (print_sections([at_place(version, at)]),)
+        outline = map_outline(opened, stage, version, before)
+        console_for(json_out).print(print_outline(outline, *more), crop=False)
         if html is not None:
-            older = [v for v in map_versions(opened, stage) if v.number < version.number]
-            write_map_report(html, opened, stage, version, older[-1] if older else None)
+            write_map_page(html, opened, stage, version, before)
             click.echo(f"written: {html}", err=is_json_on_stdout(json_out))
         write_json(version_as_json(version, at), json_out)
 
@@ -61,11 +68,13 @@ def show(
 @JSON_OUT
 def list_versions(open_history: OpenHistory, json_out: Path | None) -> None:
     """List all versions, and when each was in use."""
-    from stagectl.maps import map_versions, versions_as_json, versions_table
+    from stagectl.maps import map_versions, versions_as_json, versions_sections
+    from stagectl.report import print_sections
 
     with open_history() as (opened, stage):
         versions, used = map_versions(opened, stage), opened.activations(stage)
-    console_for(json_out).print(versions_table(stage, versions, used), crop=False)
+    sections = versions_sections(stage, versions, used)
+    console_for(json_out).print(print_sections(sections), crop=False)
     write_json(versions_as_json(stage, versions, used), json_out)
 
 
@@ -76,14 +85,18 @@ def list_versions(open_history: OpenHistory, json_out: Path | None) -> None:
 @JSON_OUT
 def compare(open_history: OpenHistory, old: int, new: int, json_out: Path | None) -> None:
     """Show what changed from version OLD to version NEW, site by site."""
-    from stagectl.maps import changes_as_json, changes_table
+    from stagectl.maps import changes_as_json, changes_sections
     from stagectl.maps import compare as compare_maps
+    from stagectl.report import print_sections
 
     with open_history() as (opened, stage):
         first = select_version(opened, stage, old)
         second = select_version(opened, stage, new)
     changes = compare_maps(first.map, second.map)
-    console_for(json_out).print(changes_table(old, new, changes), crop=False)
+    sections = changes_sections(old, changes)
+    if not sections:
+        click.echo("the two maps have no axis in common", err=is_json_on_stdout(json_out))
+    console_for(json_out).print(print_sections(sections.values()), crop=False)
     write_json(changes_as_json(stage, old, new, changes), json_out)
 
 

@@ -17,8 +17,13 @@ from stagectl.maps.output.as_json import (
     version_as_json,
     versions_as_json,
 )
-from stagectl.maps.output.report import draw_maps, write_map_report
-from stagectl.maps.output.tables import at_place, changes_table, summary, versions_table
+from stagectl.maps.output.outline import (
+    at_place,
+    changes_sections,
+    map_outline,
+    versions_sections,
+)
+from stagectl.maps.output.page import draw_maps, write_map_page
 from stagectl.maps.place_index import PlaceIndex
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
@@ -39,21 +44,21 @@ __all__ = [
     "at_place",
     "build_map",
     "changes_as_json",
-    "changes_table",
+    "changes_sections",
     "compare",
     "draw_maps",
     "load_active",
+    "map_outline",
     "map_versions",
     "outdated",
     "problems",
     "restore_snapshot",
     "sites_outside",
-    "summary",
     "take_snapshot",
     "to_json",
     "tracking_settings",
     "version_as_json",
     "versions_as_json",
-    "versions_table",
-    "write_map_report",
+    "versions_sections",
+    "write_map_page",
 ]

@@ -54,7 +54,6 @@ def render(study: Study) -> str:
     verdicts = [claim.verdict for claim in study.claims]
     return render_template(
         "paper.md.j2",
-        static=(),
         distance=f"{published.DISTANCE * 1e3:g}",
         elements=(published.PLANT_ELEMENTS, published.MODEL_ELEMENTS),
         setup=setup,

@@ -1,25 +1,40 @@
-"""HTML pages on runs and gap diagnoses: one self-contained file each, readable offline.
+"""What runs, calibrations, maps and diagnoses say, on a terminal and on pages.
 
-The pages of friction maps and calibrations, in rooms above, are rendered with the same parts.
-Those of diagnoses are in `gap`, which takes all of `sim2real`: nothing here imports it.
+An `Outline` is built once and rendered twice: by `terminal`, and by `render` with a template, as
+one self-contained HTML file, readable offline. Those of calibrations and maps are in their rooms,
+of diagnoses in `gap`, which takes all of `sim2real`: nothing here imports it.
 """
 
 from stagectl.report.ending import interruption, resume_command, verdict
-from stagectl.report.facts import friction_map_used
-from stagectl.report.page import write_report
-from stagectl.report.render import render_template
+from stagectl.report.outline import Cell, Fact, Outline, Section, Table
+from stagectl.report.render import render_page, render_template
+from stagectl.report.run_outline import friction_map_used, run_outline
+from stagectl.report.run_page import write_report
 from stagectl.report.svg import Line, Panel, Span, draw, ticks
+from stagectl.report.terminal import Whole, print_outline, print_sections, print_table, whole
 
 __all__ = [
+    "Cell",
+    "Fact",
     "Line",
+    "Outline",
     "Panel",
+    "Section",
     "Span",
+    "Table",
+    "Whole",
     "draw",
     "friction_map_used",
     "interruption",
+    "print_outline",
+    "print_sections",
+    "print_table",
+    "render_page",
     "render_template",
     "resume_command",
+    "run_outline",
     "ticks",
     "verdict",
+    "whole",
     "write_report",
 ]

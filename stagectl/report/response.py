@@ -15,10 +15,10 @@ from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.observer import believed_figures, clocking
 from stagectl.measurement import AxisFindings, Measurement
 from stagectl.report.gap.charts import Curve, chart, legend
-from stagectl.report.render import render_template
+from stagectl.report.outline import Outline
+from stagectl.report.render import render_page
 from stagectl.store import write_atomically
 
-_STATIC = ("report.css", "gap.css")
 _NEAR = 1.6
 """Part of the Nyquist plane that is drawn: that many either side of the origin."""
 
@@ -42,16 +42,18 @@ def write_response_page(
     Raises:
         StagectlError: the file cannot be written.
     """
-    axes = [
-        _axis(name, machine, measurement, designs[name], found) for name, found in findings.items()
-    ]
-    text = render_template(
+    facts = {
+        "Measured": (measurement.measured or "on a virtual stage").replace("T", " "),
+        "Machine file": machine.source,
+    }
+    outline = Outline("Responses", machine.name, (), "", facts=facts)
+    text = render_page(
         "response.html.j2",
-        _STATIC,
-        stage=machine.name,
-        measured=(measurement.measured or "on a virtual stage").replace("T", " "),
-        file=machine.source,
-        axes=axes,
+        outline,
+        axes=[
+            _axis(name, machine, measurement, designs[name], found)
+            for name, found in findings.items()
+        ],
         legend=legend(("measured", "before")).replace("</i>before", "</i>machine file"),
     )
     write_atomically(path, text, "page")

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stagectl.report.content import window_keys
 from stagectl.report.friction import friction_panels
-from stagectl.sequencer import RESOLUTION, arrival
+from stagectl.report.run_outline import single_axis_moves, window_keys
+from stagectl.sequencer import arrival
 from stagedata import AxisSignals, Recording, aligned_demand
 
 BEFORE = 20  # samples shown before a move
@@ -73,12 +73,7 @@ def _entries(
     recording: Recording, summary: Mapping[str, Any]
 ) -> list[dict[str, Mapping[str, Any]]]:
     """For each move: axis -> its entry in the summary, which lists them in the same order."""
-    pairs = [
-        (number, axis)
-        for number, move in enumerate(recording.moves)
-        for axis in recording.axes
-        if abs(move.distance(axis)) >= RESOLUTION
-    ]
+    pairs = single_axis_moves(recording)
     listed = summary["moves"]
     if [axis for _, axis in pairs] != [entry["axis"] for entry in listed]:
         raise ValueError("the summary's moves are not those of the recording")

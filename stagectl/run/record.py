@@ -36,6 +36,7 @@ from stagectl.sequencer import (
     FrictionUpdated,
     LevelStepped,
     MarkFound,
+    MarkNotFound,
     ObserverFound,
     Retrying,
     SegmentDone,
@@ -181,6 +182,8 @@ class RunRecord:
                 self.journal.event("retry", site=site, attempt=attempt, fault=fault)
             case MarkFound(site=site, offset=offset):
                 self.journal.event("mark", site=site, offset=offset)
+            case MarkNotFound(site=site):
+                self.note_limitations([f"site {site}: mark not found, no micro-move"])
             case StopNoticed(reason=reason):
                 self.journal.event("stop", reason=reason)
 

@@ -222,7 +222,7 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     assert "map 1" in said
     assert page.read_text().count("<svg") == 2 * (2 + 4)  # two heat maps and the trends of an axis
     assert "map 2" in stagectl("map", "build", *where, "--comment", "again")
-    assert "map 1 to 2: all sites" in stagectl("map", "compare", "1", "2", *where)
+    assert "since map 1: all sites" in stagectl("map", "compare", "1", "2", *where)
     assert "is 'nan'" in stagectl("map", "show", *where, "--at", "nan", "0", code=None)
     there = stagectl("map", "show", *where, "--at", "10mm", "-5mm")
     assert "at (10, -5) mm" in there

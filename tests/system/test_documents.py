@@ -104,8 +104,9 @@ def test_an_aborted_run_says_where_why_and_how_to_continue(stopped):
     result, folder = stopped
     told = result.summary["interrupted"]
     assert (told["unit"], told["done"], told["of"], told["at"]) == ("site", 2, 4, 3)
+    seconds = result.summary["duration"]
     assert headline(folder).startswith(
-        "Aborted at site 3 of 4: stopped by the operator (Ctrl-C). "
+        f"Ended at site 3 of 4 after {seconds:.1f} s: stopped by the operator (Ctrl-C). "
         "Wafer W7 incomplete: 2 of 4 sites judged, all within the limits."
     )
     words = shlex.split(told["resume"])
@@ -123,7 +124,7 @@ def test_the_terminal_says_where_an_aborted_run_ended(stopped):
         console = Console(width=width, record=True, file=io.StringIO())
         console.print(render_outcome(*stopped), crop=False)
         told = console.export_text()
-        assert f"aborted at site 3 of 4, after {seconds:.1f} s" in " ".join(told.split())
+        assert f"Aborted. Ended at site 3 of 4 after {seconds:.1f} s" in " ".join(told.split())
         assert f"to continue: {command}" in told.splitlines(), "a command is one line"
 
 

@@ -1,7 +1,7 @@
 """Maps to look at and to take along.
 
-`tables` (on a terminal), `report` (a page, with `heat_map` and `trend_chart`), `as_json` and
-`export` (for other programs); `surface` is an axis of a map over the whole table.
+`outline` (what they say), `page` (with `heat_map` and `trend_chart`), `as_json` and `export` (for
+other programs); `surface` is an axis of a map over the whole table.
 """
 
 from stagectl.maps.output.as_json import (
@@ -10,18 +10,23 @@ from stagectl.maps.output.as_json import (
     version_as_json,
     versions_as_json,
 )
-from stagectl.maps.output.report import draw_maps, write_map_report
-from stagectl.maps.output.tables import at_place, changes_table, summary, versions_table
+from stagectl.maps.output.outline import (
+    at_place,
+    changes_sections,
+    map_outline,
+    versions_sections,
+)
+from stagectl.maps.output.page import draw_maps, write_map_page
 
 __all__ = [
     "activation_as_json",
     "at_place",
     "changes_as_json",
-    "changes_table",
+    "changes_sections",
     "draw_maps",
-    "summary",
+    "map_outline",
     "version_as_json",
     "versions_as_json",
-    "versions_table",
-    "write_map_report",
+    "versions_sections",
+    "write_map_page",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stagectl.history import Trend
-from stagectl.maps.output.tables import day
+from stagectl.maps.output.outline import day
 from stagectl.report import ticks
 
 _WIDTH, _HEIGHT = 380, 150

@@ -1,9 +1,10 @@
-"""The page of a gap diagnosis: one HTML file that opens offline.
+"""What gaps and their diagnoses say, and the page of a diagnosis, which opens offline.
 
-`page` fills the template. `charts` and `plane_picture` draw inline SVG; `traces` and `views` say
-what is drawn; `moves` is the data of the interactive charts of single moves.
+`outline` builds it, `page` fills the template. `charts` and `plane_picture` draw inline SVG;
+`traces` and `views` say what is drawn; `moves` is the data of the interactive charts of moves.
 """
 
+from stagectl.report.gap.outline import diagnosis_outline, gap_section, repeat_lines
 from stagectl.report.gap.page import render_gap_page
 
-__all__ = ["render_gap_page"]
+__all__ = ["diagnosis_outline", "gap_section", "render_gap_page", "repeat_lines"]

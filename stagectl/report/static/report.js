@@ -272,7 +272,7 @@
   // ---- page ----------------------------------------------------------------------------------
 
   function drawAll() {
-    for (const key of document.querySelectorAll(".key")) key.style.background = axisColour(key.dataset.axis);
+    for (const cell of document.querySelectorAll("td[data-axis]")) cell.style.boxShadow = "inset 5px 0 " + axisColour(cell.dataset.axis);
     if (data.moves.length) { moveCharts(); settlingChart(); }
     if (find("friction")) frictionCharts();
   }

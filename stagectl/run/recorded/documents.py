@@ -60,7 +60,8 @@ def write_documents(
     write_summary(summary, summary_path)
     if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
-        write_report(report_path, recording, summary, control_period=control_period)
+        told = [e["text"] for e in notes.events if e["event"] == "limitation"]
+        write_report(report_path, recording, summary, control_period=control_period, notices=told)
     return summary
 
 

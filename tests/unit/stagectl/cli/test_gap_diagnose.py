@@ -13,11 +13,13 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from sim2real.findings import FigureChange, GapReport
-from stagectl.cli.gap_diagnose import _keep_measurement, diagnose, print_report
+from stagectl.cli.gap_diagnose import _keep_measurement, diagnose
 from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
 from stagectl.measurement import Measurement, measure_virtual_stage
+from stagectl.report import print_outline
+from stagectl.report.gap import diagnosis_outline
 from tests.unit.sim2real.other_machines import TOOL
 
 DATA = Path(__file__).parents[3] / "data"
@@ -239,7 +241,7 @@ def test_changed_and_kept_figures_are_listed():
         ),
     )
     console = Console(width=120, record=True)
-    print_report(console, report, "m")
+    console.print(print_outline(diagnosis_outline(report, "m")))
     lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
     assert "figure x: mass 8.00000 → 7.99997 ± 0.00028 kg: known" in lines
     assert "warning y: mass stays 14.00 kg, fitted 13.79: at its bound" in lines

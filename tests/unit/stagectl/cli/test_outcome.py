@@ -11,7 +11,7 @@ from rich.console import Console
 from stagectl.cli.outcome import render_outcome
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode, SiteVerdict
+from stagectl.sequencer import Mode
 from stagectl.store import SPOOL_NAME
 from tests.unit.stagectl.run.whole import SITES
 
@@ -45,7 +45,7 @@ def rows(text, axis):
 
 def test_a_completed_run(result, finished):
     text = printed(result, finished[1])
-    assert text.startswith("short on wafer-xy: completed, 5 sites in ")
+    assert text.startswith("short on wafer-xy: Completed. 5 sites in ")
     assert "x real time" in text
     assert "bus.asc, recording.h5, report.html, summary.json" in " ".join(text.split())
     assert "to continue" not in text
@@ -68,8 +68,8 @@ def test_without_updates_all_moves_have_the_same_model(result, finished):
 
 
 def test_the_friction_is_that_of_the_last_estimate(result, finished):
-    last = [e for e in result.summary["friction"] if e["axis"] == "y"][-1]
-    last["parameters"]["coulomb"]["value"] = 8.765
+    used = [e for e in result.summary["friction"] if e["axis"] == "y" and e["accepted"]]
+    used[-1]["parameters"]["coulomb"].update(value=8.765, sigma=0.012)
     accepted = [e["accepted"] for e in result.summary["friction"] if e["axis"] == "y"]
     text = printed(result, finished[1])
     assert "8.765" in text
@@ -95,15 +95,20 @@ def test_an_interrupted_run_says_how_to_continue(result, finished):
         "retries": [{"site": 3, "attempt": 1, "fault": "axis y: 0x8611"}],
     })  # fmt: skip
     text = printed(result, finished[1], width=200)
-    assert "short on wafer-xy: fault" in text
+    assert "short on wafer-xy: Ended with a fault. Ended at site 3 of 5" in text
     assert "site 3 restarted (attempt 1): axis y: 0x8611" in text
     assert text.rstrip().endswith("to continue: stagectl run r.yaml --resume runs/a")
 
 
 def test_failed_sites_are_named_with_what_exceeded_its_limit(result, finished):
-    result.summary["limits"] = {"verdict": "fail", "passed": 4, "failed": 1, "of": 5}
-    judged = replace(result, verdicts=(SiteVerdict(1, ()), SiteVerdict(2, ("peak error 1 um",))))
-    text = printed(judged, finished[1])
+    result.summary["limits"] = {
+        "verdict": "fail", "passed": 4, "failed": 1, "of": 5,
+        "sites": [
+            {"site": 1, "passed": True, "failures": []},
+            {"site": 2, "passed": False, "failures": ["peak error 1 um"]},
+        ],
+    }  # fmt: skip
+    text = printed(result, finished[1])
     assert "site 2: peak error 1 um" in text
     assert "site 1:" not in text
 
@@ -114,7 +119,7 @@ def test_punctuality_is_mentioned_only_where_it_lacked(result, finished):
     result.summary["cycle"].update({"missed": 3, "late": 2})
     result.summary["punctuality"] = {"late_in_a_row": 2, "doubled": 1}
     text = printed(result, finished[1])
-    assert "cycle: 3 TPDOs missed, 2 SYNCs late (at most 2 in a row), 1 doubled" in text
+    assert "3 TPDOs missed, 2 SYNCs late (at most 2 in a row), 1 received twice" in text
 
 
 def test_an_incomplete_bus_log_is_named_with_the_remedy(result, tmp_path):

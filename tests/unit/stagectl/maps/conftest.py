@@ -74,7 +74,7 @@ def two_versions(history, everywhere=1.0):
 def printed(part):
     """What a terminal of 120 columns shows."""
     console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(part)
+    console.print(part, crop=False)
     return console.export_text()
 
 

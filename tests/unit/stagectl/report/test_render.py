@@ -3,46 +3,55 @@
 from __future__ import annotations
 
 from importlib import resources
-from types import SimpleNamespace
 
 import jinja2
 import pytest
 
-from stagectl.report.render import render_template
+from stagectl.report import Fact, Outline, Section
+from stagectl.report.render import render_page
 
-REPORT = SimpleNamespace(
-    name="<script>", stage="wafer-xy", started="", used="none", visited=1, planned=1, error=None,
-    version=None, before=None, is_from_recording=False,
+OUTLINE = Outline(
+    "Calibration <script>", "wafer-xy", (Fact("Map 1", "good"),), "a & b",
+    sections={"sites": Section("Sites"), "reached": Section("Reached")},
 )  # fmt: skip
-VALUES = {
-    "report": REPORT, "level": "good", "verdict": "a & b", "rows": [], "common": [], "reached": [],
-    "pictures": [], "watch": "3 %", "act": "10 %",
-}  # fmt: skip
 
 
 def test_input_is_escaped_and_style_sheets_are_embedded_as_they_are() -> None:
-    page = render_template("calibration.html.j2", ("report.css",), **VALUES)
+    page = render_page("calibration.html.j2", OUTLINE, pictures=[])
     assert "&lt;script&gt;" in page
     assert "a &amp; b" in page
-    style = page.split("<style>")[1].split("</style>")[0]
+    style = page.split("<style>")[2].split("</style>")[0]
     assert "&gt;" not in style
     assert "{" in style
 
 
 def test_a_missing_value_is_an_error_not_a_blank() -> None:
-    without = {key: value for key, value in VALUES.items() if key != "verdict"}
-    with pytest.raises(jinja2.UndefinedError, match=r"verdict"):
-        render_template("calibration.html.j2", ("report.css",), **without)
+    with pytest.raises(jinja2.UndefinedError, match=r"pictures"):
+        render_page("calibration.html.j2", OUTLINE)
 
 
 def test_a_file_that_there_is_not_is_an_error() -> None:
-    with pytest.raises(OSError, match=r"none.css"):
-        render_template("calibration.html.j2", ("none.css",), **VALUES)
+    with pytest.raises(OSError, match=r"none.js"):
+        render_page("calibration.html.j2", OUTLINE, script="none.js", pictures=[])
 
 
-@pytest.mark.parametrize("name", ["report.css", "gap.css"])
-def test_the_dark_theme_is_for_screens_only(name: str) -> None:
-    sheet = resources.files("stagectl.report").joinpath("static", name).read_text("utf-8")
+def test_the_dark_theme_is_for_screens_only() -> None:
+    sheet = resources.files("stagectl.report").joinpath("static", "report.css").read_text("utf-8")
     dark = sheet.split(':root[data-theme="dark"]')
     assert len(dark) > 1
     assert all(before.endswith("@media screen { ") for before in dark[:-1]), "paper is light"
+
+
+def test_every_fact_is_on_the_page_those_that_are_many_folded() -> None:
+    facts = tuple(Fact(f"fact {n}", share=0.1 * n) for n in range(9))
+    outline = Outline(
+        "t",
+        "",
+        (),
+        "",
+        sections={"sites": Section("Sites", facts, most=4), "reached": Section("Reached")},
+    )
+    page = render_page("calibration.html.j2", outline, pictures=[])
+    assert all(f">fact {n}<" in page for n in range(9))
+    assert "And 5 more" in page
+    assert "<h2>Reached" not in page, "it is empty"

@@ -37,7 +37,7 @@ def test_a_site_is_begun_again_after_a_fault(go, sites, tmp_path):
     (retry,) = result.summary["retries"]
     assert (retry["site"], retry["attempt"]) == (3, 1)
     assert "0x8611" in retry["fault"]
-    assert "Site 3 was restarted" in (tmp_path / "run" / "report.html").read_text()
+    assert "site 3 restarted" in (tmp_path / "run" / "report.html").read_text()
     # the move that was broken off ends where its samples do
     broken, after = result.recording.moves[5], result.recording.moves[6]
     assert broken.end <= after.start

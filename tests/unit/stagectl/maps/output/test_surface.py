@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from stagectl.maps import changes_table, compare, summary, version_as_json
-from stagectl.maps.output.report import render
+from stagectl.maps import changes_sections, compare, map_outline, version_as_json
+from stagectl.maps.output.page import render_map
 from stagectl.maps.output.surface import surface
+from stagectl.report import print_outline, print_sections
 from tests.unit.stagectl.maps.conftest import STAGE, printed, two_versions
 
 
@@ -16,11 +17,12 @@ def versions(history):
 
 def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
     first, second = versions
-    page = render(history, STAGE, second, first)
+    page = render_map(history, STAGE, second, first)
+    text = printed(print_outline(map_outline(history, STAGE, second, first)))
     told = version_as_json(second)["axes"]
     for name, axis in second.map.axes.items():
         known = surface(axis).known_to
-        assert f"{100 * known:.1f} %" in printed(summary(second))
+        assert f"{100 * known:.1f} %" in text
         assert f"known to {100 * known:.1f} %" in page
         assert told[name]["known_to"] == pytest.approx(known)
         # Between the sites less is known than at them.
@@ -29,7 +31,7 @@ def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
 
 def test_lists_that_are_cut_say_how_many_more(history, versions):
     first, second = versions
-    page = render(history, STAGE, second, first)
-    assert page.count("And 15 more, changed less.") == 2  # of 25 sites, 10 are listed
-    text = printed(changes_table(1, 2, compare(first.map, second.map)))
-    assert text.count("and 17 more, changed less") == 2
+    page = render_map(history, STAGE, second, first)
+    text = printed(print_sections(changes_sections(1, compare(first.map, second.map)).values()))
+    for told in (page, text):
+        assert told.count("and 15 more, changed less") == 2  # of 25 sites, 10 are listed

@@ -24,7 +24,8 @@ from sim2real.findings import (
 )
 from sim2real.residuals import view_residuals
 from stagectl.config import load_machine, stage_settings
-from stagectl.report.gap.page import headline, render_gap_page
+from stagectl.report.gap.outline import headline
+from stagectl.report.gap.page import render_gap_page
 from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[4] / "data"
@@ -142,7 +143,7 @@ def test_what_the_models_leave_is_drawn_and_explained(examined, explained):
     assert data["kinds"] == ["before", "after"]
 
 
-def test_changed_and_kept_figures_are_a_table(examined, explained):
+def test_changed_and_kept_figures_are_told(examined, explained):
     changes = (
         FigureChange("x", "stiffness", 6e5, 6.01e5, 430.0, "N/m", True, "known to 0.07 %"),
         FigureChange("y", "mass", 14.0, 13.79, 0.21, "kg", False, "at its <bound>"),
@@ -150,10 +151,10 @@ def test_changed_and_kept_figures_are_a_table(examined, explained):
     page = render_gap_page(replace(explained, figures=changes), examined, "m")
     Balanced().feed(page)
     table = re.search(r"<h2>Plant figures</h2>(.*?)</section>", page, re.S)[1]
-    changed, kept = re.findall(r"<tr><td>.*?</tr>", table)
-    for text in ("600000", "601000", "± 430 N/m", "changed", "known to 0.07 %"):
+    changed, kept = re.findall(r"<li.*?</li>", table)
+    for text in ("600000 → 601000 ± 430 N/m", "known to 0.07 %"):
         assert text in changed
-    for text in ("14.00", "13.79", "± 0.21 kg", "kept", "at its &lt;bound&gt;"):
+    for text in ("warning", "stays 14.00 kg, fitted 13.79", "at its &lt;bound&gt;"):
         assert text in kept
     assert "Plant figures" not in render_gap_page(explained, examined, "m")
 
@@ -173,7 +174,9 @@ def test_the_clock_of_several_recordings_is_named(examined, explained):
 
 def test_verdict_comes_first(examined, explained):
     page = render_gap_page(explained, examined, "m")
-    assert page.index("accounts for") < page.index("Gap and floor") < page.index("Where the gap is")
+    assert (
+        page.index("accounts for") < page.index("Gap of m (rms)") < page.index("Where the gap is")
+    )
 
 
 def test_without_causes_there_are_no_curves_after(examined):

@@ -8,7 +8,7 @@ import pytest
 
 from estimation.field import FrictionField
 from stagectl.calibration import CalibrationReport, SiteOutcome, SiteSequence
-from stagectl.calibration.report import render_calibration, verdict, write_calibration_report
+from stagectl.calibration.page import render_calibration, verdict, write_calibration_page
 from stagectl.calibration.sequence import Gain
 from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChange
 from stagectl.maps.model import MapAxis
@@ -49,13 +49,14 @@ def report():
 
 
 def text_of(html):
-    body = re.sub(r"<style>.*?</style>|<svg.*?</svg>", "", html, flags=re.DOTALL)
+    body = re.sub(r"<(style|svg|script).*?</\1>", "", html, flags=re.DOTALL)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
 
 
 def test_it_has_every_site_its_change_and_its_verdict(report):
     text = text_of(render_calibration(report))
-    assert "(20.0, 0.0) x 6.100 1.2 % +21.3 % 4.9 (5.2) act look for dirt &lt;there&gt;" in text
+    assert "(20.0, 0.0) x 6.100 1.2 % +21.3 % 4.9 (5.2) act" in text
+    assert "site 2, axis x: look for dirt &lt;there&gt;" in text
     assert "axis x: all sites +4.0 % since the last map" in text
     assert "Friction map used map 3 (after service)" in text
     assert "Compared with map 3" in text
@@ -83,9 +84,9 @@ def test_an_interrupted_first_calibration_says_so(report, tmp_path):
         report, error="axis x: following error", version=None, before=None, changes=[],
         visited=2, outcomes=report.outcomes[:2], used="none",
     )  # fmt: skip
-    write_calibration_report(tmp_path / "report.html", cut)
+    write_calibration_page(tmp_path / "report.html", cut)
     text = text_of((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert "interrupted 2 of 5 visits;" in text
+    assert "Interrupted Dark 2 of 5 visits;" in text
     assert "No new map." in text
     assert "axis x: following error" in text
     assert "nothing: there was no map" in text

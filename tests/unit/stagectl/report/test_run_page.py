@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.report import content, write_report
-from stagectl.report.page import render_report
+from stagectl.report import write_report
+from stagectl.report.run_page import render_report
 from stagectl.report.traces import BEFORE
 from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary
 from stagedata import Recording, aligned_demand
@@ -151,34 +151,3 @@ def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, A
     assert "Settling over moves" in page.text
     assert "no site" not in page.text
     assert "site 0" not in page.text
-
-
-def test_parameters_that_no_move_was_informative_about_are_named(
-    recording: Recording, summary: dict[str, Any]
-):
-    def entry(axis: str, accepted: bool, **gain: float) -> dict[str, Any]:
-        figures = {name: {"value": 1.0, "sigma": 0.1, "unit": "1"} for name in gain}
-        held = [name for name, value in gain.items() if value == 1.0]
-        return {
-            "site": 1, "axis": axis, "accepted": accepted, "reason": None if accepted else "why",
-            "parameters": figures, "gain": gain, "held": held if accepted else [],
-            "compute_time": 1e-4,
-        }  # fmt: skip
-
-    friction = [
-        entry("x", True, coulomb=30.0, viscous=1.0), entry("x", True, coulomb=1.0, viscous=1.0),
-        entry("y", False, coulomb=1.0, viscous=1.0),
-    ]  # fmt: skip
-    with_friction = {**summary, "friction": friction}
-    unchanged = content.unchanged_parameters(with_friction, ("x", "y"))
-    assert [line[:2] for line in unchanged] == [
-        ("x", "viscous"),
-        ("y", "coulomb"),
-        ("y", "viscous"),
-    ]
-    why = "2 of 2 accepted moves say less about it than was known; fast moves would be informative"
-    assert unchanged[0][2] == why
-    assert unchanged[1][2].startswith("no estimate was accepted")
-    page = Page(render_report(recording, with_friction, control_period=TC))
-    assert "Viscous of axis x kept its initial value: 2 of 2" in page.text
-    assert "Coulomb of axis x" not in page.text

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from stagectl.history import Activation
-from stagectl.maps import MapVersion, changes_table, compare, summary
-from stagectl.maps.output.tables import at_place, day, versions_table
+from stagectl.maps import MapVersion, changes_sections, compare, map_outline
+from stagectl.maps.output.outline import at_place, day, versions_sections
+from stagectl.report import print_outline, print_sections
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, level, printed, two_versions
 
 
@@ -21,20 +22,22 @@ def test_times_are_in_utc():
     assert day(1.7e9, seconds=True) == "2023-11-14 22:13:20"
 
 
-def test_the_summary_has_a_row_for_each_axis_and_dashes_for_what_is_not_known(versions):
-    text = printed(summary(versions[0]))
-    assert "map 1 of wafer-xy (simulated)" in text
+def test_there_is_a_row_for_each_axis_and_for_each_figure_that_is_known(history, versions):
+    text = printed(print_outline(map_outline(history, STAGE, versions[0], None)))
+    assert "Friction map 1 wafer-xy (simulated)" in text
     rows = [line.split() for line in text.splitlines() if line.strip().startswith(("x ", "y "))]
     assert [row[:2] for row in rows[:2]] == [["x", "25"], ["y", "25"]]
     mean = float(rows[0][2])
     assert mean == pytest.approx(np.mean([level("x", place) for place in GRID]), rel=0.01)
     assert rows[0][3].startswith("-")
     assert rows[0][5].startswith("+")
-    assert "-" in rows[2]  # C/Fc, which these calibrations did not show
+    assert "C/Fc" not in text, "these calibrations did not show it"
 
 
 def test_a_place_outside_the_map_says_so(versions):
-    inside, outside = (printed(at_place(versions[0], place)) for place in (GRID[3], (0.14, 0.14)))
+    inside, outside = (
+        printed(print_sections([at_place(versions[0], place)])) for place in (GRID[3], (0.14, 0.14))
+    )
     assert "outside of the map" not in inside
     assert outside.count("outside of the map: the value at its edge") == 2
     shown = float(inside.split("Fc ")[1].split(" N")[0])
@@ -44,21 +47,26 @@ def test_a_place_outside_the_map_says_so(versions):
 def test_versions_with_what_was_in_use(versions):
     used = [Activation(1, BEGIN, "activated"), Activation(None, BEGIN + 9.0, "rolled back")]
     active = MapVersion(1, BEGIN, "weekly", True, versions[0].map)
-    text = printed(versions_table(STAGE, [active, versions[1]], used))
+    text = printed(print_sections(versions_sections(STAGE, [active, versions[1]], used)))
     assert "25/25" in text
     assert "rolled back" in text
     assert "none" in text
-    assert "no map has been in use yet" in printed(versions_table(STAGE, versions, []))
+    assert "no map has been in use yet" in printed(
+        print_sections(versions_sections(STAGE, versions, []))
+    )
 
 
-def test_a_comment_is_not_broken_at_the_width_of_the_table(versions):
+def test_a_comment_is_not_broken_at_the_width_of_the_table(history, versions):
     said = replace(versions[0], comment="after the guideways of both axes were greased")
-    assert ": after the guideways of both axes were greased\n" in printed(summary(said))
+    text = printed(print_outline(map_outline(history, STAGE, said, None)))
+    lines = [line.strip() for line in text.splitlines()]
+    assert "comment: after the guideways of both axes were greased" in lines
 
 
 def test_a_changed_site_is_marked(versions):
-    text = printed(changes_table(1, 2, compare(versions[0].map, versions[1].map)))
+    text = printed(
+        print_sections(changes_sections(1, compare(versions[0].map, versions[1].map)).values())
+    )
     marked = [line for line in text.splitlines() if line.rstrip().endswith("changed")]
     x, y = (1e3 * value for value in GRID[7])
     assert any(f"({x:.1f}, {y:.1f})" in line for line in marked)
-    assert "the two maps have no axis in common" in printed(changes_table(1, 2, []))

@@ -1,0 +1,264 @@
+"""What a gap and its diagnosis say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from sim2real.findings import SHOWN_AS, Cause, FigureChange, GapFigures, GapReport
+from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
+from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
+from stagectl.report.outline import Fact, Outline, Section, Table
+
+_MOST_PLACES = 6
+_MOST_CANDIDATES = 12
+_VERDICTS = {
+    "no_gap": Fact("No gap", "good"),
+    "explained": Fact("Explained", "good"),
+    "partly_explained": Fact("Partly explained", "warning"),
+    "unexplained": Fact("Unexplained", "bad"),
+    "insufficient": Fact("Insufficient", "warning"),
+}
+
+
+def diagnosis_outline(
+    report: GapReport, machine: str, measured: Sequence[Measured] = ()
+) -> Outline:
+    """All that a diagnosis says.
+
+    Args:
+        report: of the diagnosis.
+        machine: name of the machine.
+        measured: the gap of each recording.
+    """
+    notices = [
+        Fact(f"{f.text} (corrected)" if f.applied else f.text, "good" if f.applied else "warning")
+        for f in report.channels
+    ]
+    notices += [
+        Fact(
+            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
+            f"{f.unit} fitted"
+        )
+        for f in report.fitted
+    ]
+    next_moves = () if report.next_experiment is None else (Fact(report.next_experiment.why),)
+    return Outline(
+        "Sim-to-real gap",
+        f"of {machine}",
+        [_VERDICTS[report.verdict]],
+        headline(report),
+        sentence(report.reason),
+        facts={"Recordings": ", ".join(report.recordings), "Clock": report.clock},
+        figures=_figures(report),
+        notices=notices,
+        sections={
+            "gap": gap_section(
+                report.gap or {},
+                f"Gap of {machine} (rms)",
+                repeats=repeat_lines([m.repeats for m in measured]),
+            ),
+            "where": Section(
+                "Where the gap is",
+                tuple(Fact(cell.text, share=cell.share) for cell in report.where),
+                label="where",
+                note="Share of the gap's energy above the floor, over all axes and signals. Cells "
+                "overlap: every sample has a phase, a position and a time.",
+                most=_MOST_PLACES,
+            ),
+            "causes": Section("Causes", list(map(_cause, report.causes)), label="cause"),
+            "steps": _steps(report),
+            "empirical": _empirical(report),
+            "figures": Section(
+                "Plant figures",
+                list(map(_changed, report.figures)),
+                label="figure",
+                note="Figures of the machine file that a twin changes within their tolerance, and "
+                "those whose fit ends at its bound, which it keeps. All others stay as they are: "
+                "these recordings know less of them than the machine file does.",
+            ),
+            "alike": Section(
+                "Cannot be told apart",
+                tuple(
+                    Fact(f"{g.axis}: {', '.join(g.effects)}: {g.why}") for g in report.confusable
+                ),
+                label="alike",
+            ),
+            "next": Section("Most informative next experiment", next_moves, label="next"),
+            "candidates": _candidates(report),
+        },
+    )
+
+
+def headline(report: GapReport) -> str:
+    """The verdict in one sentence."""
+    names = [c.effect.replace("_", " ") for c in report.causes]
+    axes = [c.axis for c in report.causes]
+    if len(set(axes)) == 1:
+        named = f"{listed(names)} on {axes[0]}"
+    else:
+        named = listed([f"{n} on {axis}" for n, axis in zip(names, axes, strict=True)])
+    named = named[:1].upper() + named[1:]
+    verb = "accounts" if len(report.causes) == 1 else "together account"
+    size = "" if report.gap_closed is None else f"{percent(report.gap_closed)} of "
+    share = report.gap_closed_elsewhere
+    checked = (
+        "" if share is None
+        else f", on the recordings of --check for {percent(max(share, 0.0))}"
+    )  # fmt: skip
+    match report.verdict:
+        case "no_gap":
+            return "The machine file describes this stage down to the noise floor."
+        case "explained":
+            return f"{named} {verb} for {size}the gap{checked}."
+        case "partly_explained":
+            size = size or "part of "
+            return f"{named} {verb} for {size}the gap{checked}; the rest is unexplained."
+        case "unexplained":
+            return "There is a gap, but no known effect explains it."
+        case _:
+            return "These recordings cannot support a diagnosis."
+
+
+def gap_section(
+    gap: Mapping[str, Mapping[str, GapFigures]],
+    title: str,
+    *names: str,
+    repeats: Sequence[str] = (),
+) -> Section:
+    """Gaps and floors in µm and N, of axes that turn in µrad and N m.
+
+    Args:
+        gap: axis -> signal -> figures.
+        title: of the table.
+        names: of `nominal` and `explained`; "gap" and "explained" by default.
+        repeats: how repeated moves scatter.
+    """
+    both = any(f.explained is not None for signals in gap.values() for f in signals.values())
+    gaps = (names or ("gap", "explained"))[: 2 if both else 1]
+    titles = ("axis", "signal", *gaps, "floor", *(f"{name} / floor" for name in gaps))
+    rows = []
+    for axis, signals in gap.items():
+        for signal, of in signals.items():
+            scale, unit = SHOWN_AS[of.unit]
+            values = [of.nominal, *([of.explained] if both else [])]
+            shown = [
+                DASH if v is None else f"{digits(v * scale)} {unit}" for v in (*values, of.floor)
+            ]
+            ratios = [DASH if v is None or of.floor <= 0 else f"{v / of.floor:.1f}" for v in values]
+            rows.append((axis, signal, *shown, *ratios))
+    note = (
+        "Rms of recorded minus simulated. Floor: what a perfect model would still leave, due to "
+        "encoder noise and the friction's own scatter, in an average run."
+    )
+    facts = [Fact(text) for text in (PERFECT_MODEL, *repeats)] if rows else []
+    return Section(title, facts, Table(titles, rows), note=note)
+
+
+def repeat_lines(repeats: Sequence[Mapping[str, Mapping[str, RepeatCheck]]]) -> list[str]:
+    """The scatter of repeated moves compared with the floor, one line per axis that has any."""
+    lines = []
+    for of in repeats:
+        for axis, signals in of.items():
+            parts = [f"{signal} {check.ratio:.1f} x" for signal, check in signals.items()]
+            moves = next(iter(signals.values())).moves
+            lines.append(
+                f"{axis}: {moves} repeated moves scatter by {', '.join(parts)} "
+                "what the machine file's repeatability predicts"
+            )
+    return lines
+
+
+def _figures(report: GapReport) -> list[tuple[str, str]]:
+    """The key figures: value and meaning."""
+    figures = []
+    if report.gap:
+        floors = combined_floors(report.gap)
+        if math.isfinite(floors):
+            figures.append((f"{floors:.3g} \u00d7 floor", "gap of the machine file"))
+    if report.gap_closed is not None:
+        interval = ""
+        if report.gap_closed_interval is not None:
+            low, high = (100 * end for end in report.gap_closed_interval)
+            interval = f" ({low:.0f}{DASH}{high:.0f} %)"
+        meaning = f"of the gap closed, on held-out moves{interval}"
+        figures.append((percent(report.gap_closed), meaning))
+    if report.gap_closed_elsewhere is not None:
+        share = percent(report.gap_closed_elsewhere)
+        figures.append((share, "closed on the recordings of --check"))
+    if report.causes:
+        probable = report.causes[0]
+        name = probable.effect.replace("_", " ")
+        figures.append((percent(probable.probability), f"probability of {name}"))
+    return figures
+
+
+def _cause(cause: Cause) -> Fact:
+    """A cause with its figures, what reopens without it, and its remedy."""
+    figures = []
+    for key, p in cause.parameters.items():
+        value, sigma = with_sigma(p.value, p.sigma)
+        figures.append(f"{key} {value} ± {sigma} {p.unit if p.unit != '1' else ''}".strip())
+    details = []
+    if cause.gap_closed is not None:
+        ends = cause.gap_closed_interval
+        interval = "" if ends is None else f" ({ends[0]:.2f} to {ends[1]:.2f})"
+        details.append(
+            f"share of the gap that reopens without it: {cause.gap_closed:.2f}{interval}"
+        )
+    if cause.remedy:
+        details.append(cause.remedy)
+    text = f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}"
+    text += f": {', '.join(figures)}" if figures else ""
+    return Fact(text, details=details, share=cause.probability)
+
+
+def _steps(report: GapReport) -> Section:
+    facts = []
+    for step in report.steps:
+        text = f"{step.axis}: {', '.join(step.added)}: {percent(step.gap_closed)} on held-out moves"
+        if step.elsewhere is not None:
+            text += f"; {percent(step.elsewhere)} on the recordings of --check"
+        facts.append(Fact(text, share=step.gap_closed))
+    note = (
+        "Share of the axis' gap that all effects up to this step close, on moves that took no part "
+        "in their fit; on recordings of --check with the figures found here."
+    )
+    return Section("Step by step", facts, label="step", note=note, most=100)
+
+
+def _empirical(report: GapReport) -> Section:
+    facts = tuple(
+        Fact(
+            f"{f.axis}: a smooth force over position, direction and velocity closes "
+            f"{percent(f.gap_closed)} of what is left on held-out strokes; it describes the gap "
+            "but names no cause"
+        )
+        for f in report.empirical
+    )
+    return Section("What no effect explains", facts, label="empirical")
+
+
+def _changed(change: FigureChange) -> Fact:
+    """A plant figure that the twin changes, or a warning of one that it keeps."""
+    unit = "" if change.unit == "1" else f" {change.unit}"
+    name = f"{change.axis}: {change.figure}"
+    old, new, sigma = change.texts()
+    if change.written:
+        return Fact(f"{name} {old} → {new} ± {sigma}{unit}: {change.why}")
+    text = f"{name} stays {old}{unit}, fitted {new}: {change.why}"
+    return Fact(text, "warning", label="warning")
+
+
+def _candidates(report: GapReport) -> Section:
+    ranked = sorted(report.candidates, key=lambda c: -c.probability)
+    facts = tuple(
+        Fact(
+            f"{c.axis}: {c.effect.replace('_', ' ')}, p = {c.probability:.3f}"
+            + ("" if c.gap_closed is None else f", gap closed {c.gap_closed:.2f}"),
+            share=c.probability,
+        )
+        for c in ranked
+    )
+    note = "Gap closed: by the effect alone; of a cause, what reopens without it."
+    return Section("Candidates", facts, note=note, most=_MOST_CANDIDATES, on_page=True)

@@ -1,0 +1,140 @@
+"""What a run says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from stagectl.report.run_outline import (
+    friction_map_used,
+    headline,
+    learned_feedforward,
+    run_outline,
+)
+from stagedata import Recording
+
+
+def rows(summary: dict[str, Any], name: str, recording: Recording | None = None) -> list[list[str]]:
+    table = run_outline(summary, recording).sections[name].table
+    assert table is not None
+    return [[c if isinstance(c, str) else c.text for c in row] for row in table.rows]
+
+
+def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
+    moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
+    moves += [move for move in summary["moves"] if move["axis"] == "y"]
+    assert {row[0] for row in rows({**summary, "moves": moves}, "results")} == {"y"}
+
+
+def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
+    assert rows(summary, "friction") == [["x", "coulomb", "6.020", "0.010", "N", "1 of 1"]]
+
+
+def test_parameters_that_no_move_was_informative_about_are_named(summary: dict[str, Any]):
+    def entry(axis: str, accepted: bool, **gain: float) -> dict[str, Any]:
+        figures = {name: {"value": 1.0, "sigma": 0.1, "unit": "1"} for name in gain}
+        held = [name for name, value in gain.items() if value == 1.0]
+        return {
+            "site": 1, "axis": axis, "accepted": accepted, "reason": None if accepted else "why",
+            "parameters": figures, "gain": gain, "held": held if accepted else [],
+            "compute_time": 1e-4,
+        }  # fmt: skip
+
+    friction = [
+        entry("x", True, coulomb=30.0, viscous=1.0), entry("x", True, coulomb=1.0, viscous=1.0),
+        entry("y", False, coulomb=1.0, viscous=1.0),
+    ]  # fmt: skip
+    section = run_outline({**summary, "friction": friction}, None).sections["friction"]
+    assert [fact.text for fact in section.facts] == [
+        f"{what} kept its initial value: {why} would be informative"
+        for what, why in (
+            (
+                "viscous of axis x",
+                "2 of 2 accepted moves say less about it than was known; fast moves",
+            ),
+            ("coulomb of axis y", "no estimate was accepted; sliding moves"),
+            ("viscous of axis y", "no estimate was accepted; fast moves"),
+        )
+    ]
+
+
+def test_what_happened_is_told_on_terminal_and_page_alike(summary: dict[str, Any]):
+    happened = {
+        **summary,
+        "steps": [
+            {"axis": "x", "place": [0.025, 0.0], "time": 3.1, "change": 0.21, "everywhere": False},
+            {"axis": "y", "place": [0.0, 0.0], "time": 4.0, "change": -0.1, "everywhere": True},
+        ],
+        "retries": [{"site": 3, "attempt": 1, "fault": "axis y: 0x8611"}],
+        "watchdog": [{"axis": "x", "time": 0.2, "out": True, "text": "axis x: left out"}],
+        "history": {"filed": 9, "estimates": 71},
+    }
+    told = [fact.text for fact in run_outline(happened, None, notices=["axis x: left out"]).notices]
+    assert "friction of axis x stepped by +21 % at (25.0, 0.0) mm, 3.1 s" in told
+    assert "friction of axis y stepped by -10 % everywhere, 4.0 s" in told
+    assert "site 3 restarted (attempt 1): axis y: 0x8611" in told
+    assert told.count("axis x: left out") == 1
+    assert "the history has 9 of 71 estimates" in told
+
+
+def test_arrival_of_tpdos_is_told_only_where_there_was_a_bus(summary: dict[str, Any]):
+    ledger = {
+        "tardy": 0, "doubled": 0, "late_in_a_row": 0, "arrival": {"x": {"max": 0.0004}},
+    }  # fmt: skip
+    summary = {
+        **summary, "simulated": False, "punctuality": ledger,
+        "cycle": {"period": 0.002, "missed": 0, "late": 0},
+    }  # fmt: skip
+    (*_, cycle) = run_outline(summary, None).notices
+    assert cycle.text.endswith("the latest TPDO came 0.4 ms after its SYNC")
+    (*_, cycle) = run_outline({**summary, "simulated": True}, None).notices
+    assert "latest" not in cycle.text
+
+
+def test_the_headline_gives_the_worse_axis_where_one_is_fast():
+    moves = [
+        {
+            "site": site, "axis": axis, "kind": "micro", "peak_error": error, "settled": True,
+            "settling": {"5e-08": time, "2e-07": 0.0},
+        }
+        for site in (1, 2, 3)
+        for axis, time, error in (("x", 0.0095, 6e-8), ("y", 0.0, 9e-8))
+    ]  # fmt: skip
+    summary = {
+        "outcome": "completed", "moves": moves, "duration": 9.7, "wall_time": 0.6, "simulated": True
+    }  # fmt: skip
+    done = "0 moves in 9.7 s (simulated in 0.60 s, 16 x real time). "
+    assert headline(summary, None) == done + (
+        "Median settling on the worse axis: ±50 nm in 9.5\u00a0ms (x), ±200 nm in 0\u00a0ms; "
+        "median peak error 0.0900\u00a0µm (y) (6 micro-moves)."
+    )
+    alone = {**summary, "moves": [move for move in moves if move["axis"] == "y"]}
+    assert headline(alone, None) == done + (
+        "Median settling: ±50 nm in 0\u00a0ms, ±200 nm in 0\u00a0ms; median peak error "
+        "0.0900\u00a0µm (3 micro-moves)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("facts", "text"),
+    [
+        ({"map": 3, "map_comment": "after service"}, "map 3 (after service)"),
+        ({"map": 3}, "map 3"),
+        ({}, "none"),
+        ({"map": None, "compensation": "model"}, "none (compensation model)"),
+    ],
+)
+def test_the_friction_map_of_a_run_in_words(facts: dict[str, Any], text: str):
+    assert friction_map_used({"compensation": "estimated", **facts}) == text
+
+
+def test_learned_feedforward_names_what_differs_from_the_machine_file():
+    learned = {
+        "x": {"mass": 0.0931, "lead": 0.0, "coupling": -0.02},
+        "y": {"mass": 0.0, "lead": 0.0, "coupling": 0.0},
+    }
+    assert learned_feedforward({"feedforward": learned}) == (
+        "x: mass +9.3 %, coupling -2.0 %; y: as in the machine file"
+    )
+    assert learned_feedforward({}) == ""
