@@ -5,7 +5,7 @@ friction wander alone would leave, `measure` computes the gap from both, and `lo
 conditions of motion that hold most of it. Nothing is fitted here.
 """
 
-from sim2real.gap.floor import DRAWS, PERFECT_MODEL, Floor
+from sim2real.gap.floor import DRAWS, PERFECT_MODEL, Floor, RepeatCheck
 from sim2real.gap.location import Located, locate_gap
 from sim2real.gap.measure import (
     NO_GAP_BELOW,
@@ -39,6 +39,7 @@ __all__ = [
     "GapMeter",
     "Located",
     "Measured",
+    "RepeatCheck",
     "Replay",
     "Signals",
     "coarse_steps",

@@ -14,7 +14,7 @@ from estimation.response import FrequencyResponse, Lines
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.observer import believed_figures, clocking
 from stagectl.measurement import AxisFindings, Measurement
-from stagectl.report.gap.charts import Curve, chart, legend
+from stagectl.report.chart import Chart, Curve, legend
 from stagectl.report.outline import Outline
 from stagectl.report.render import render_page
 from stagectl.store import write_atomically
@@ -54,7 +54,7 @@ def write_response_page(
             _axis(name, machine, measurement, designs[name], found)
             for name, found in findings.items()
         ],
-        legend=legend(("measured", "before")).replace("</i>before", "</i>machine file"),
+        legend=legend("measured", ("before", "machine file")),
     )
     write_atomically(path, text, "page")
 
@@ -119,8 +119,8 @@ def _bode(
             Curve("before", at, _degrees(file, 1.0)),
         ]
         label = f"position by {what}, {title}"
-        plots.append((label, chart(size, "frequency, Hz", f"magnitude, {unit}", log="xy")))
-        plots.append((label, chart(phase, "frequency, Hz", "phase, degrees", log="x")))
+        plots.append((label, Chart(size, "frequency, Hz", f"magnitude, {unit}", log="xy")))
+        plots.append((label, Chart(phase, "frequency, Hz", "phase, degrees", log="x")))
     return plots
 
 
@@ -141,5 +141,5 @@ def _nyquist(design: Design) -> Any:
         curves.append(Curve("measured", loop.real[inside], loop.imag[inside]))
     turn = np.linspace(0.0, 2.0 * math.pi, 90)
     curves.append(Curve("floor", -1.0 + 0.5 * np.cos(turn), 0.5 * np.sin(turn)))
-    curves.append(Curve("before", np.array([-1.0]), np.array([0.0])))
-    return chart(curves, "real part", "imaginary part")
+    curves.append(Curve("before", np.array([-1.0]), np.array([0.0]), has_line=False))
+    return Chart(curves, "real part", "imaginary part")

@@ -89,7 +89,7 @@ def run_outline(
 
 
 def headline(summary: Summary, recording: Recording | None) -> str:
-    """How much was done, where and why it ended early, the wafer's verdict, settling."""
+    """Where and why it ended early, or the wafer's verdict and how much was done; settling."""
     where, duration = interruption(summary), f"{summary['duration']:.1f} s"
     if where is not None:
         said = [f"ended {where} after {duration}: {reason(summary)}"]
@@ -104,7 +104,7 @@ def headline(summary: Summary, recording: Recording | None) -> str:
             said[0] += f" (simulated in {wall:.2f} s, {speed})"
     wafer = verdict(summary)
     if wafer is not None:
-        said.append(wafer)
+        said.insert(0 if where is None else 1, wafer)
     return " ".join([*map(sentence, said), _settling(summary)])
 
 

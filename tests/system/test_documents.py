@@ -124,7 +124,7 @@ def test_the_terminal_says_where_an_aborted_run_ended(stopped):
         console = Console(width=width, record=True, file=io.StringIO())
         console.print(render_outcome(*stopped), crop=False)
         told = console.export_text()
-        assert f"Aborted. Ended at site 3 of 4 after {seconds:.1f} s" in " ".join(told.split())
+        assert f"Ended at site 3 of 4 after {seconds:.1f} s" in " ".join(told.split())
         assert f"to continue: {command}" in told.splitlines(), "a command is one line"
 
 

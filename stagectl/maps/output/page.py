@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
-from stagectl.history import History, StageKey
+from stagectl.history import History, StageKey, Trend
 from stagectl.maps.model import MapAxis, MapVersion
-from stagectl.maps.output.heat_map import HeatMap, common_limits, draw_heat_map
 from stagectl.maps.output.outline import map_outline
-from stagectl.maps.output.surface import surface
-from stagectl.maps.output.trend_chart import MOST, draw_trend
+from stagectl.maps.output.surface import Surface, surface
 from stagectl.report import render_page
+from stagectl.report.chart import Chart, Curve
 from stagectl.report.formats import place
+from stagectl.report.heat_map import HeatMap, common_limits, draw_heat_map
 from stagectl.store import write_atomically
+
+F64 = NDArray[np.float64]
+MOST = 200
+"""Points of a trend that are drawn at most, the last ones."""
 
 
 def write_map_page(
@@ -65,31 +71,55 @@ def draw_maps(version: MapVersion, before: MapVersion | None) -> dict[str, list[
         if before is not None and name in then:
             maps.append((before, before.map.axes[name], then[name]))
         forces = common_limits([found.value for _, _, found in maps])
-        pictures = [
-            HeatMap(
-                found.x, found.y, found.value, [site.place for site in of.sites],
-                f"Coulomb force, axis {name}, map {which.number}", "N", limits=forces,
-            )
+        drawn[name] = [
+            _picture(found, found.value, forces, "N", of,
+                     f"Coulomb force, axis {name}, map {which.number}")
             for which, of, found in maps
         ]  # fmt: skip
-        found = now[name]
-        sites = [site.place for site in axis.sites]
-        pictures.append(
-            HeatMap(found.x, found.y, found.sigma, sites, f"known to (1 sigma), axis {name}", "%",
-                    100.0, 1, doubt)
-        )  # fmt: skip
-        drawn[name] = [
-            Markup(draw_heat_map(picture))  # noqa: S704  numbers and our own words only
-            for picture in pictures
-        ]
+        title = f"known to (1 sigma), axis {name}"
+        doubts = 100.0 * doubt[0], 100.0 * doubt[1]
+        drawn[name].append(_picture(now[name], 100.0 * now[name].sigma, doubts, "%", axis, title))
     return drawn
 
 
-def _trends(history: History, stage: StageKey, name: str, axis: MapAxis) -> list[Markup]:
+def _picture(
+    on: Surface, values: F64, limits: tuple[float, float], unit: str, axis: MapAxis, title: str
+) -> Markup:
+    """One figure of an axis over the table."""
+    half = [float(c[1] - c[0]) / 2 for c in (on.x, on.y)]
+    x, y = (1e3 * np.append(c - h, c[-1] + h) for c, h in zip((on.x, on.y), half, strict=True))
+    marks = [(1e3 * site.place[0], 1e3 * site.place[1]) for site in axis.sites]
+    return draw_heat_map(HeatMap(x, y, values, limits, ("x, mm", "y, mm", unit), title, marks))
+
+
+def _trends(history: History, stage: StageKey, name: str, axis: MapAxis) -> list[tuple[str, Chart]]:
+    """The Coulomb force at every site over time."""
     drawn = []
     for site in axis.sites:
         trend = history.trend(stage, name, site.place, last=MOST)
-        if len(trend) and "coulomb" in trend.values:
-            text = draw_trend(trend, "coulomb", f"{name} at {place(site.place)} mm", site.coulomb)
-            drawn.append(Markup(text))  # noqa: S704  numbers and an axis' name, which is a word
+        chart = None if not len(trend) else trend_chart(trend, site.coulomb)
+        if chart is not None:
+            drawn.append((f"{name} at {place(site.place)} mm", chart))
     return drawn
+
+
+def trend_chart(trend: Trend, at_map: float) -> Chart | None:
+    """Estimates with their 95 % intervals, and the map's value; None without any."""
+    if "coulomb" not in trend.values:
+        return None
+    value, sigma = trend.values["coulomb"][-MOST:], trend.sigma["coulomb"][-MOST:]
+    ok = np.isfinite(value) & np.isfinite(sigma)
+    if not ok.any():
+        return None
+    time, value, sigma = trend.time[-MOST:][ok], value[ok], sigma[ok]
+    low, high = value - 1.96 * sigma, value + 1.96 * sigma
+    # A vague first estimate must not flatten all others.
+    bottom = min(float(np.percentile(low, 5)), float(value.min()), at_map)
+    top = max(float(np.percentile(high, 95)), float(value.max()), at_map)
+    pad = 0.05 * (top - bottom) or 1.0
+    ends = np.array([time[0], max(time[-1], time[0] + 1.0)])
+    curves = [
+        Curve("map", ends, np.full(2, at_map)),
+        Curve("after", time, value, low, high, has_line=False),
+    ]
+    return Chart(curves, "", "N", y_range=(bottom - pad, top + pad), is_time=True)

@@ -1,7 +1,7 @@
 """What gaps and their diagnoses say, and the page of a diagnosis, which opens offline.
 
-`outline` builds it, `page` fills the template. `charts` and `plane_picture` draw inline SVG;
-`traces` and `views` say what is drawn; `moves` is the data of the interactive charts of moves.
+`outline` builds it, `page` fills the template. `traces` and `views` say what is drawn; `moves` is
+the data of the charts of single moves.
 """
 
 from stagectl.report.gap.outline import diagnosis_outline, gap_section, repeat_lines

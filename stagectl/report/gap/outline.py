@@ -43,6 +43,7 @@ def diagnosis_outline(
         for f in report.fitted
     ]
     next_moves = () if report.next_experiment is None else (Fact(report.next_experiment.why),)
+    repeats = repeat_lines([m.repeats for m in measured])
     return Outline(
         "Sim-to-real gap",
         f"of {machine}",
@@ -53,11 +54,7 @@ def diagnosis_outline(
         figures=_figures(report),
         notices=notices,
         sections={
-            "gap": gap_section(
-                report.gap or {},
-                f"Gap of {machine} (rms)",
-                repeats=repeat_lines([m.repeats for m in measured]),
-            ),
+            "gap": gap_section(report.gap or {}, f"Gap of {machine} (rms)", repeats=repeats),
             "where": Section(
                 "Where the gap is",
                 tuple(Fact(cell.text, share=cell.share) for cell in report.where),

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
-from markupsafe import Markup
 
 from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
 from sim2real.findings import GapReport
 from sim2real.gap import Signals
 from sim2real.residuals import ResidualViews
+from stagectl.report.chart import legend
 from stagectl.report.gap import traces
-from stagectl.report.gap.charts import legend, matrix
 from stagectl.report.gap.moves import NO_MOVES, move_data
 from stagectl.report.gap.outline import diagnosis_outline
 from stagectl.report.gap.views import draw_views
@@ -62,13 +61,13 @@ def render_gap_page(
             for share, axis, signal in order
         ],
         profiles=[traces.friction_panel(profile, axes[profile.axis]) for profile in profiles],
-        profile_key=legend(("measured", "after")),
+        profile_key=legend("measured", "after"),
         moves=charts,
         views=draw_views(shown),
-        move_key=legend(("measured", *models)),
-        model_key=legend(models),
-        residual_key=traces.residual_legend(explained is not None),
-        matrices=_matrices(similarity or {}),
+        move_key=legend("measured", *models),
+        model_key=legend(*models),
+        residual_key=legend(*models, "floor"),
+        matrices={a: _matrix(pairs) for a, pairs in (similarity or {}).items() if pairs},
         next_moves=_yaml(moves),
     )
 
@@ -83,16 +82,12 @@ def _largest_first(examined: Examination) -> list[tuple[float, str, str]]:
     )
 
 
-def _matrices(similarity: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
-    """The matrix of similarities of each axis that has any."""
-    axes = {axis: dict(pairs) for axis, pairs in similarity.items() if pairs}
-    pictures = []
-    for axis, pairs in axes.items():
-        names = list(dict.fromkeys(name for pair in pairs for name in pair))
-        words = {name: name.replace("_", " ") for name in names}
-        renamed = {(words[a], words[b]): value for (a, b), value in pairs.items()}
-        pictures.append((axis, matrix(list(words.values()), renamed)))
-    return pictures
+def _matrix(pairs: Pairs) -> tuple[list[str], list[list[float | None]]]:
+    """Names of effects and the similarity of each with each."""
+    known = dict(pairs)
+    names = list(dict.fromkeys(name for pair in known for name in pair))
+    rows = [[1.0 if a == b else known.get((a, b), known.get((b, a))) for b in names] for a in names]
+    return [name.replace("_", " ") for name in names], rows
 
 
 def _yaml(moves: Sequence[Mapping[str, Any]]) -> str:

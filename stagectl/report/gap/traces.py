@@ -20,7 +20,9 @@ from sim2real.axis_units import unit_on
 from sim2real.findings import SHOWN_AS
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_phases
-from stagectl.report.gap.charts import Curve, bars, chart, legend
+from stagectl.report.chart import Chart, Curve
+from stagectl.report.formats import digits
+from stagectl.report.outline import Table
 from stagedata import aligned_demand
 
 F64 = NDArray[np.float64]
@@ -35,7 +37,7 @@ class Panel:
     """A chart with its heading."""
 
     title: str
-    picture: Markup
+    picture: Chart | Markup
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +47,15 @@ class Section:
     Attributes:
         axis, signal: which ones.
         share: of the gap's energy above the floor.
-        panels: residual over phase, position, velocity, time, spectrum.
+        phases: residual by phase of motion.
+        panels: residual over position, velocity, time, spectrum.
     """
 
     axis: str
     signal: str
     share: float
-    panels: tuple[Panel, ...]
+    phases: Table
+    panels: Sequence[Panel]
 
 
 def residual_section(
@@ -95,7 +99,7 @@ def residual_section(
     places = {k: np.concatenate(v)[counted] for k, v in by.items()}
     moving = (places["phase"] != REST) & (places["phase"] != SETTLING)
     label = f"rms [{unit}]"
-    panels = [Panel("Phase of motion", _by_phase(places["phase"], residuals, label))]
+    panels = []
     for name, x_label in (
         ("position", f"position [{unit_on(settings, 'mm')}]"),
         ("velocity", f"velocity [{unit_on(settings, 'mm/s')}]"),
@@ -108,14 +112,14 @@ def residual_section(
             for kind, values in residuals.items()
             if shown.any()
         ]
-        panels.append(Panel(f"Over {name}", chart(curves, x_label, label, zero=True)))
+        panels.append(Panel(f"Over {name}", Chart(curves, x_label, label, zero=True)))
     curves = [
         Curve(kind, *_spectrum(values, measured[0].replay.period))
         for kind, values in residuals.items()
     ]
     density = f"density [{unit}/√Hz]"
-    panels.append(Panel("Spectrum", chart(curves, "frequency [Hz]", density, log="xy")))
-    return Section(axis, signal, share, tuple(panels))
+    panels.append(Panel("Spectrum", Chart(curves, "frequency [Hz]", density, log="xy")))
+    return Section(axis, signal, share, _by_phase(places["phase"], residuals, unit), panels)
 
 
 def friction_panel(profile: FrictionOverPosition, axis: AxisSettings) -> Panel:
@@ -126,21 +130,17 @@ def friction_panel(profile: FrictionOverPosition, axis: AxisSettings) -> Panel:
         Curve("after", places, 100.0 * profile.named),
     ]
     title = f"Axis {profile.axis}: surplus of the Coulomb force"
-    return Panel(title, chart(curves, f"position [{unit_on(axis, 'mm')}]", "surplus [%]"))
+    return Panel(title, Chart(curves, f"position [{unit_on(axis, 'mm')}]", "surplus [%]"))
 
 
-def residual_legend(explained: bool) -> Markup:
-    """Legend of the residuals' charts."""
-    return legend(("before", "after", "floor") if explained else ("before", "floor"))
-
-
-def _by_phase(phase: F64, residuals: dict[str, F64], label: str) -> Markup:
-    present = [p for p in range(len(PHASES)) if np.any(phase == p)]
-    groups = {
-        kind: [float(np.sqrt(np.mean(values[phase == p] ** 2))) for p in present]
-        for kind, values in residuals.items()
-    }
-    return bars([PHASES[p] for p in present], groups, label)
+def _by_phase(phase: F64, residuals: dict[str, F64], unit: str) -> Table:
+    rows = []
+    for number, name in enumerate(PHASES):
+        at = phase == number
+        if at.any():
+            sizes = [float(np.sqrt(np.mean(values[at] ** 2))) for values in residuals.values()]
+            rows.append((name, *map(digits, sizes)))
+    return Table(("Phase of motion", *(f"{kind}, {unit}" for kind in residuals)), rows)
 
 
 def _binned(place: F64, values: F64) -> tuple[F64, F64]:

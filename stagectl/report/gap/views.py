@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
@@ -21,9 +20,9 @@ from sim2real.residuals import (
     ReversalLoop,
     VelocityMeans,
 )
-from stagectl.report.gap.charts import Band, Curve, chart
-from stagectl.report.gap.plane_picture import colour_limit, plane_picture
+from stagectl.report.chart import Chart, Curve
 from stagectl.report.gap.traces import Panel
+from stagectl.report.heat_map import HeatMap, draw_heat_map, round_limit
 
 F64 = NDArray[np.float64]
 
@@ -83,14 +82,16 @@ def plane_view(views: Sequence[ResidualViews]) -> View:
         if plane is None:
             missing.append(f"Axis {of_axis.axis} did not move.")
             continue
-        limit = colour_limit(plane.mean["before"])
-        units = [unit_on(of_axis.settings, unit) for unit in ("mm", "mm/s", "N")]
+        limit = round_limit(plane.mean["before"])
+        length, speed, force = (unit_on(of_axis.settings, u) for u in ("mm", "mm/s", "N"))
+        labels = (f"position [{length}]", f"velocity [{speed}]", force)
         for model, values in plane.mean.items():
             title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
-            picture = plane_picture(
-                1e3 * plane.positions, 1e3 * plane.velocities, values, limit, title, units
-            )
-            panels.append(Panel(title, picture))
+            picture = HeatMap(
+                1e3 * plane.positions, 1e3 * plane.velocities, values, (-limit, limit), labels,
+                title, is_plane=False, two_inks=True,
+            )  # fmt: skip
+            panels.append(Panel(title, draw_heat_map(picture)))
     return View(tuple(panels), tuple(missing))
 
 
@@ -146,40 +147,32 @@ def _velocity_panel(
     directions: Sequence[VelocityMeans], title: str, units: tuple[str, str]
 ) -> Panel:
     """`units` are those of 1e-3 of the velocity and of the force."""
-    curves, bands = [], []
+    curves = []
     for means in directions:
         velocity = 1e3 * means.velocity
         gaps = np.flatnonzero(np.diff(means.bins) > 1) + 1
         for part in np.split(np.arange(len(velocity)), gaps):
             for model, every in means.mean.items():
                 mean, spread = every[part], means.spread[model][part]
-                curves.append(Curve(model, velocity[part], mean))
-                bands.append(Band(model, velocity[part], mean - spread, mean + spread))
+                curves.append(Curve(model, velocity[part], mean, mean - spread, mean + spread))
     fastest = max(float(np.abs(c.x).max()) for c in curves)
     zero = Curve("zero", np.array([-fastest, fastest]), np.zeros(2))
     speed, force = units
-    picture = chart(
-        [zero, *curves], f"velocity [{speed}]", f"measured \u2212 simulated [{force}]", bands=bands
-    )
-    return Panel(title, picture)
+    label = f"measured \u2212 simulated [{force}]"
+    return Panel(title, Chart([zero, *curves], f"velocity [{speed}]", label))
 
 
-def _reversal_picture(loop: ReversalLoop, axis: AxisSettings) -> Markup:
-    curves, bands = [], []
+def _reversal_picture(loop: ReversalLoop, axis: AxisSettings) -> Chart:
+    curves = []
     for name, approach in loop.approach.items():
         departure = loop.departure.get(name)
         if departure is None:
             continue
-        place = np.concatenate((approach.place[::-1], departure.place))
-        force = np.concatenate((approach.force[::-1], departure.force))
-        curves.append(Curve(name, 1e6 * place, force))
-        if name == "measured":
-            bands = [
-                Band(name, 1e6 * b.place, b.force - b.spread, b.force + b.spread)
-                for b in (approach, departure)
-            ]
+        for b in (approach, departure):
+            ends = (b.force - b.spread, b.force + b.spread) if name == "measured" else (None, None)
+            curves.append(Curve(name, 1e6 * b.place, b.force, *ends))
     position = f"position from the turning point [{unit_on(axis, 'µm')}]"
-    return chart(curves, position, f"force [{unit_on(axis, 'N')}]", bands=bands)
+    return Chart(curves, position, f"force [{unit_on(axis, 'N')}]")
 
 
 def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:
@@ -201,7 +194,7 @@ def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:
     return [
         Panel(
             f"Axis {axis}: {title}",
-            chart(curves, "frequency [Hz]", label, log="x", shaded=unknown),
+            Chart(curves, "frequency [Hz]", label, log="x", shaded=unknown),
         )
         for title, curves, label in (
             ("magnitude", magnitudes, "position / demand [dB]"),

@@ -1,17 +1,25 @@
-"""The page of a calibration."""
+"""What a calibration says, and its page."""
 
+import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from estimation.field import FrictionField
-from stagectl.calibration import CalibrationReport, SiteOutcome, SiteSequence
+from stagectl.calibration import (
+    CalibrationReport,
+    SiteOutcome,
+    SiteSequence,
+    calibration_outline,
+)
 from stagectl.calibration.page import render_calibration, verdict, write_calibration_page
 from stagectl.calibration.sequence import Gain
 from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChange
 from stagectl.maps.model import MapAxis
+from stagectl.report import print_sections
 
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 
@@ -72,7 +80,7 @@ def test_the_headline_counts_verdicts_the_worst_first(report):
 
 def test_new_map_and_the_one_before_are_drawn_side_by_side(report):
     html = render_calibration(report)
-    assert re.findall(r'aria-label="([^"]+)"', html) == [
+    assert re.findall(r"<svg[^>]*><title>([^<]+)<", html) == [
         "Coulomb force, axis x, map 4",
         "Coulomb force, axis x, map 3",
         "known to (1 sigma), axis x",
@@ -90,3 +98,18 @@ def test_an_interrupted_first_calibration_says_so(report, tmp_path):
     assert "No new map." in text
     assert "axis x: following error" in text
     assert "nothing: there was no map" in text
+
+
+@pytest.mark.parametrize("severity", ["good", "watch", "act", "failed"])
+def test_the_table_fits_80_columns(report, severity):
+    wide = replace(
+        outcome(3, severity), site=121, place=(-0.15, -0.15), coulomb=12.021, sigma=0.105,
+        change=-0.123,
+    )  # fmt: skip
+    sections = calibration_outline(replace(report, outcomes=[wide])).sections
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(print_sections([sections["sites"]]))
+    text = console.export_text()
+    assert "…" not in text
+    (row,) = [line for line in text.splitlines() if line.split()[:1] == ["121"]]
+    assert row.split()[-1] == severity
