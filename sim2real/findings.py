@@ -1,15 +1,18 @@
 """What a diagnosis of the gap finds, and its JSON (docs/formats/gap-report.md).
 
-Plain values in SI units; nothing here computes. `GapReport.to_json` gives exactly the keys of the
-format; unknown figures are null where the format says so and left out elsewhere.
+Plain values in SI units; nothing here computes. The JSON of a finding has its fields in
+their order: unknown figures are null where the format says so and left out elsewhere.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic import Field, PlainSerializer, TypeAdapter, WrapSerializer
 
 FORMAT, VERSION = "stagectl-gap-report", 1
 
@@ -32,6 +35,16 @@ SHOWN_AS = {"m": (1e6, "µm"), "rad": (1e6, "µrad"), "N": (1.0, "N"), "N m": (1
 
 Json = dict[str, Any]
 
+Number = Annotated[
+    float,
+    PlainSerializer(lambda v: float(v) if math.isfinite(v) else None, return_type=float | None),
+]
+"""Null in JSON where it is not finite, as JSON has neither nan nor infinity."""
+Words = Annotated[str, Field(exclude=True)]
+"""For people; not part of the JSON."""
+GIVEN = Field(exclude_if=lambda value: value is None or value == "")
+"""Part of the JSON only where there is a value."""
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelFinding:
@@ -51,21 +64,10 @@ class ChannelFinding:
     axis: str
     channel: str
     finding: str
-    value: float | None
+    value: Number | None
     unit: str
     applied: bool = False
-    text: str = ""
-
-    def to_json(self) -> Json:
-        """The entry of `channels`."""
-        return {
-            "axis": self.axis,
-            "channel": self.channel,
-            "finding": self.finding,
-            "value": _number(self.value),
-            "unit": self.unit,
-            "applied": self.applied,
-        }
+    text: Words = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +81,10 @@ class GapFigures:
         explained: rms with the causes included, None where nothing was fitted.
     """
 
-    nominal: float
-    floor: float
+    nominal: Number
+    floor: Number
+    explained: Annotated[Number | None, GIVEN] = field(default=None, kw_only=True)
     unit: str
-    explained: float | None = None
-
-    def to_json(self) -> Json:
-        """The entry of `gap.<axis>.<signal>`; without `explained` where nothing was fitted."""
-        figures = {"nominal": _number(self.nominal), "floor": _number(self.floor)}
-        if self.explained is not None:
-            figures["explained"] = _number(self.explained)
-        return {**figures, "unit": self.unit}
 
 
 Gap = Mapping[str, Mapping[str, GapFigures]]
@@ -115,34 +110,20 @@ class Where:
     axis: str
     signal: str
     by: str
-    share: float
-    range: tuple[float, float] | None = None
-    value: str | int | None = None
-    unit: str = ""
-    text: str = ""
-
-    def to_json(self) -> Json:
-        """The entry of `where`."""
-        cell: Json = {"axis": self.axis, "signal": self.signal, "by": self.by}
-        if self.range is not None:
-            cell["range"] = [_number(end) for end in self.range]
-            cell["unit"] = self.unit
-        if self.value is not None:
-            cell["value"] = self.value
-        return {**cell, "share": _number(self.share)}
+    range: Annotated[tuple[Number, Number] | None, GIVEN] = field(default=None, kw_only=True)
+    unit: Annotated[str, GIVEN] = field(default="", kw_only=True)
+    value: Annotated[str | int | None, GIVEN] = field(default=None, kw_only=True)
+    share: Number
+    text: Words = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A fitted parameter of an effect with its standard deviation."""
 
-    value: float
-    sigma: float
+    value: Number
+    sigma: Number
     unit: str
-
-    def to_json(self) -> Json:
-        """The entry of `causes[].parameters`."""
-        return {"value": _number(self.value), "sigma": _number(self.sigma), "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,22 +143,11 @@ class Cause:
 
     axis: str
     effect: str
-    probability: float
+    probability: Number
     parameters: Mapping[str, Parameter]
-    gap_closed: float | None
-    gap_closed_interval: tuple[float, float] | None
-    remedy: str = ""
-
-    def to_json(self) -> Json:
-        """The entry of `causes`."""
-        return {
-            "axis": self.axis,
-            "effect": self.effect,
-            "probability": _number(self.probability),
-            "parameters": {key: p.to_json() for key, p in self.parameters.items()},
-            "gap_closed": _number(self.gap_closed),
-            "gap_closed_interval": _interval(self.gap_closed_interval),
-        }
+    gap_closed: Number | None
+    gap_closed_interval: tuple[Number, Number] | None
+    remedy: Words = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,17 +162,8 @@ class Candidate:
 
     axis: str
     effect: str
-    probability: float
-    gap_closed: float | None
-
-    def to_json(self) -> Json:
-        """The entry of `candidates`."""
-        return {
-            "axis": self.axis,
-            "effect": self.effect,
-            "probability": _number(self.probability),
-            "gap_closed": _number(self.gap_closed),
-        }
+    probability: Number
+    gap_closed: Number | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,10 +179,6 @@ class Confusable:
     axis: str
     effects: tuple[str, ...]
     why: str
-
-    def to_json(self) -> Json:
-        """The entry of `confusable`."""
-        return {"axis": self.axis, "effects": list(self.effects), "why": self.why}
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,20 +198,9 @@ class SelectionStep:
     axis: str
     added: tuple[str, ...]
     effects: tuple[str, ...]
-    gap_closed: float
-    sigma: float
-    elsewhere: float | None = None
-
-    def to_json(self) -> Json:
-        """The entry of `steps`."""
-        step: Json = {
-            "axis": self.axis,
-            "added": list(self.added),
-            "effects": list(self.effects),
-            "gap_closed": _number(self.gap_closed),
-            "sigma": _number(self.sigma),
-        }
-        return step if self.elsewhere is None else {**step, "elsewhere": _number(self.elsewhere)}
+    gap_closed: Number
+    sigma: Number
+    elsewhere: Annotated[Number | None, GIVEN] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,8 +215,8 @@ class NextExperiment:
 
     why: str
     moves: tuple[Mapping[str, Any], ...]
-    macro: Mapping[str, float]
-    micro: Mapping[str, float]
+    macro: Annotated[Mapping[str, float], Field(exclude=True)]
+    micro: Annotated[Mapping[str, float], Field(exclude=True)]
 
     def recipe(self) -> dict[str, Any]:
         """A recipe for `stagectl run`."""
@@ -281,10 +227,6 @@ class NextExperiment:
             "settle": {"window": 1e-6, "hold": 0.005, "timeout": 0.5},
             "moves": self._moves(),
         }
-
-    def to_json(self) -> Json:
-        """The value of `next_experiment`."""
-        return {"why": self.why, "moves": self._moves()}
 
     def _moves(self) -> list[Json]:
         """Separate copies: YAML would write shared lists as aliases."""
@@ -307,19 +249,9 @@ class FittedFigure:
 
     axis: str
     figure: str
-    value: float
-    sigma: float
+    value: Number
+    sigma: Number
     unit: str
-
-    def to_json(self) -> Json:
-        """The entry of `fitted`."""
-        return {
-            "axis": self.axis,
-            "figure": self.figure,
-            "value": _number(self.value),
-            "sigma": _number(self.sigma),
-            "unit": self.unit,
-        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -339,9 +271,9 @@ class FigureChange:
 
     axis: str
     figure: str
-    old: float
-    new: float
-    sigma: float
+    old: Number
+    new: Number
+    sigma: Number
     unit: str
     written: bool
     why: str
@@ -351,19 +283,6 @@ class FigureChange:
         decimals = max(1 - math.floor(math.log10(self.sigma)), 0)
         old, new, sigma = (f"{v:.{decimals}f}" for v in (self.old, self.new, self.sigma))
         return old, new, sigma
-
-    def to_json(self) -> Json:
-        """The entry of `figures`."""
-        return {
-            "axis": self.axis,
-            "figure": self.figure,
-            "old": _number(self.old),
-            "new": _number(self.new),
-            "sigma": _number(self.sigma),
-            "unit": self.unit,
-            "written": self.written,
-            "why": self.why,
-        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,13 +303,13 @@ class EmpiricalForce:
     """
 
     axis: str
-    gap_closed: float
-    position: tuple[float, ...]
-    always: tuple[float, ...]
-    against: tuple[float, ...]
-    velocity: tuple[float, ...]
-    over_velocity: tuple[float, ...]
-    coulomb: tuple[float, ...] = ()
+    gap_closed: Number
+    position: tuple[Number, ...]
+    always: tuple[Number, ...]
+    against: tuple[Number, ...]
+    coulomb: tuple[Number, ...] = field(default=(), kw_only=True)
+    velocity: tuple[Number, ...]
+    over_velocity: tuple[Number, ...]
 
     def table(self) -> dict[str, tuple[float, ...]]:
         """Values of the effect `residual_table` that has this force in simulations."""
@@ -400,21 +319,6 @@ class EmpiricalForce:
             "coulomb": self.coulomb,
             "velocity": self.velocity,
             "velocity_force": self.over_velocity,
-        }
-
-    def to_json(self) -> Json:
-        """The entry of `empirical`."""
-        nodes = {
-            "position": self.position,
-            "always": self.always,
-            "against": self.against,
-            "coulomb": self.coulomb,
-        }
-        speeds = {"velocity": self.velocity, "over_velocity": self.over_velocity}
-        return {
-            "axis": self.axis,
-            "gap_closed": _number(self.gap_closed),
-            **{key: [_number(v) for v in values] for key, values in {**nodes, **speeds}.items()},
         }
 
 
@@ -454,22 +358,22 @@ class GapReport:
     recordings: tuple[str, ...]
     verdict: str
     reason: str
+    mode: str = field(default=CLOSED_LOOP, kw_only=True)
+    clock: str | None = field(default=None, kw_only=True)
+    fitted: tuple[FittedFigure, ...] = field(default=(), kw_only=True)
+    figures: tuple[FigureChange, ...] = field(default=(), kw_only=True)
+    empirical: tuple[EmpiricalForce, ...] = field(default=(), kw_only=True)
     channels: tuple[ChannelFinding, ...] = ()
-    gap: Gap | None = None
-    gap_closed: float | None = None
-    gap_closed_interval: tuple[float, float] | None = None
-    gap_closed_in_sample: float | None = None
-    gap_closed_elsewhere: float | None = None
+    gap: Annotated[Gap | None, WrapSerializer(lambda gap, serialize: serialize(gap or {}))] = None
+    gap_closed: Number | None = None
+    gap_closed_interval: tuple[Number, Number] | None = None
+    gap_closed_in_sample: Number | None = None
+    gap_closed_elsewhere: Number | None = None
     where: tuple[Where, ...] = ()
     causes: tuple[Cause, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     confusable: tuple[Confusable, ...] = ()
     steps: tuple[SelectionStep, ...] = ()
-    mode: str = CLOSED_LOOP
-    clock: str | None = None
-    fitted: tuple[FittedFigure, ...] = ()
-    figures: tuple[FigureChange, ...] = ()
-    empirical: tuple[EmpiricalForce, ...] = ()
     next_experiment: NextExperiment | None = None
 
     def __post_init__(self) -> None:
@@ -478,45 +382,30 @@ class GapReport:
 
     def to_json(self) -> Json:
         """The report in the layout of docs/formats/gap-report.md, ready for `json.dumps`."""
-        experiment = self.next_experiment
-        return {
-            "format": FORMAT,
-            "version": VERSION,
-            "recordings": list(self.recordings),
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "mode": self.mode,
-            "clock": self.clock,
-            "fitted": [figure.to_json() for figure in self.fitted],
-            "figures": [figure.to_json() for figure in self.figures],
-            "empirical": [force.to_json() for force in self.empirical],
-            "channels": [finding.to_json() for finding in self.channels],
-            "gap": gap_json(self.gap or {}),
-            "gap_closed": _number(self.gap_closed),
-            "gap_closed_interval": _interval(self.gap_closed_interval),
-            "gap_closed_in_sample": _number(self.gap_closed_in_sample),
-            "gap_closed_elsewhere": _number(self.gap_closed_elsewhere),
-            "where": [cell.to_json() for cell in self.where],
-            "causes": [cause.to_json() for cause in self.causes],
-            "candidates": [candidate.to_json() for candidate in self.candidates],
-            "confusable": [group.to_json() for group in self.confusable],
-            "steps": [step.to_json() for step in self.steps],
-            "next_experiment": None if experiment is None else experiment.to_json(),
-        }
+        return {"format": FORMAT, "version": VERSION, **finding_json(self)}
+
+
+def finding_json(finding: Hashable) -> Json:
+    """A finding as JSON values, by the schema of its class."""
+    values: Json = _adapter(type(finding)).dump_python(finding, mode="json")
+    return values
 
 
 def gap_json(gap: Gap) -> Json:
     """The value of `gap`."""
     return {
-        axis: {signal: figures.to_json() for signal, figures in signals.items()}
+        axis: {signal: finding_json(figures) for signal, figures in signals.items()}
         for axis, signals in gap.items()
     }
 
 
-def _number(value: float | None) -> float | None:
-    """A plain float; null where it is not finite, as JSON has neither nan nor infinity."""
-    return None if value is None or not math.isfinite(value) else float(value)
+def schema() -> Json:
+    """The JSON schema of a report."""
+    made = _adapter(GapReport).json_schema(mode="serialization")
+    head = {"format": {"const": FORMAT}, "version": {"const": VERSION}}
+    return {**made, "properties": {**head, **made["properties"]}}
 
 
-def _interval(interval: tuple[float, float] | None) -> list[float | None] | None:
-    return None if interval is None else [_number(end) for end in interval]
+@cache
+def _adapter(of: type) -> TypeAdapter[Any]:
+    return TypeAdapter(of)

@@ -253,7 +253,9 @@ def _frequencies(s: _Signal, total: float) -> list[Where]:
     low, high = float(_BANDS[first]), float(_BANDS[last + 1])
     text = f"{s.axis} {s.signal}: {_percent(share)} of the gap is at {low:.3g} to {high:.3g} Hz"
     return [
-        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="Hz", text=text)
+        Where(
+            s.axis, s.signal, "frequency", min(share, 1.0), range=(low, high), unit="Hz", text=text
+        )
     ]
 
 
@@ -282,7 +284,9 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     )
     unit = s.unit("1/m")
     return [
-        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit=unit, text=text)
+        Where(
+            s.axis, s.signal, "frequency", min(share, 1.0), range=(low, high), unit=unit, text=text
+        )
     ]
 
 

@@ -96,8 +96,9 @@ def describe_residual(
         against = heights[PLACES : 2 * PLACES]
         factor = 1.0 + np.divide(against, level, out=np.zeros(PLACES), where=level > 0.0)
         over = np.insert(heights[2 * PLACES : -_BESIDE], len(shares), 0.0)
-        parts = (places, heights[:PLACES], against, speeds, over, factor)
-        force = EmpiricalForce(name, 1.0, *(tuple(part.tolist()) for part in parts))
+        parts = (places, heights[:PLACES], against, speeds, over)
+        lists = (tuple(part.tolist()) for part in parts)
+        force = EmpiricalForce(name, 1.0, *lists, coulomb=tuple(factor.tolist()))
         if ResidualTable().refusal(force.table(), axis) is None:
             break
     else:

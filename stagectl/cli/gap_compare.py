@@ -70,7 +70,9 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
     both: Gap = {
         axis: {
-            signal: GapFigures(figures.nominal, figures.floor, figures.unit, other.nominal)
+            signal: GapFigures(
+                figures.nominal, figures.floor, figures.unit, explained=other.nominal
+            )
             for (signal, figures), other in zip(signals.items(), after[axis].values(), strict=True)
         }
         for axis, signals in before.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -38,16 +39,7 @@ def version_as_json(version: MapVersion, at: Pair | None = None) -> dict[str, An
                 key: {"value": value, "sigma": sigma}
                 for key, (value, sigma) in axis.figures.items()
             },
-            "sites": [
-                {
-                    "place": list(site.place),
-                    "coulomb": site.coulomb,
-                    "sigma": site.sigma,
-                    "measured": site.measured,
-                    "count": site.count,
-                }
-                for site in axis.sites
-            ],
+            "sites": [asdict(site) for site in axis.sites],
         }
         if at is not None:
             found = field.at(np.array([at]))
@@ -117,7 +109,7 @@ def activation_as_json(
         **_head("applied", stage),
         "map": number,
         "applicable": not any(problem.grave for problem in problems),
-        "problems": [{"grave": p.grave, "text": p.text} for p in problems],
+        "problems": [asdict(problem) for problem in problems],
         "done": reason,
     }
 

@@ -49,7 +49,7 @@ def render_gap_page(
         charts = move_data(examined.measured, explained, examined.settings, order[0][1])
     shown = [views[axis] for axis in dict.fromkeys(a for _, a, _ in order)] if views else []
     models = ("before", *(("after",) if explained is not None else ()))
-    moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
+    moves = report.next_experiment.recipe()["moves"] if report.next_experiment else ()
     return render_page(
         "gap.html.j2",
         diagnosis_outline(report, machine, examined.measured),

@@ -5,7 +5,8 @@ import math
 
 import pytest
 
-from sim2real.findings import Cause, GapFigures, GapReport, Parameter, Where
+from sim2real.findings import Cause, GapFigures, GapReport, Parameter, Where, finding_json, schema
+from tools.schemas import FOLDER, SCHEMAS
 
 
 def test_figures_that_are_not_finite_are_null():
@@ -23,13 +24,23 @@ def test_figures_that_are_not_finite_are_null():
 def test_a_cell_has_a_range_or_a_value():
     phase = Where("x", "force", "phase", 0.4, value="onset")
     place = Where("x", "force", "position", 0.4, range=(0.0, 0.01), unit="m")
-    assert phase.to_json() == {
+    assert finding_json(phase) == {
         "axis": "x", "signal": "force", "by": "phase", "value": "onset", "share": 0.4
     }  # fmt: skip
-    assert place.to_json()["range"] == [0.0, 0.01]
-    assert "value" not in place.to_json()
+    assert finding_json(place)["range"] == [0.0, 0.01]
+    assert "value" not in finding_json(place)
 
 
 def test_an_unknown_verdict_is_refused():
     with pytest.raises(ValueError, match="verdict: 'perhaps'"):
         GapReport((), "perhaps", "")
+
+
+def test_the_published_schema_is_that_of_the_report():
+    for name, made in SCHEMAS.items():
+        assert json.loads((FOLDER / name).read_text(encoding="utf-8")) == made()
+
+
+def test_the_schema_names_what_a_report_holds():
+    told = GapReport(("A.h5",), "no_gap", "because").to_json()
+    assert set(schema()["properties"]) == set(told)

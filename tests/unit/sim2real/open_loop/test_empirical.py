@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.residual_table import ResidualTable
+from sim2real.findings import finding_json
 from sim2real.open_loop import compare_along, describe_residual, measure_motion
 from tests.unit.sim2real.open_loop.test_motion import imported
 from tests.unit.sim2real.other_machines import TOOL, sliding, strokes
@@ -65,7 +66,7 @@ def test_it_is_a_table_beside_the_model(tmp_path):
     "key", ["position", "always", "against", "coulomb", "velocity", "over_velocity"]
 )
 def test_it_is_plain_json(tmp_path, key):
-    found = described(replace(TOOL, force=odd, known=KNOWN), tmp_path).to_json()
+    found = finding_json(described(replace(TOOL, force=odd, known=KNOWN), tmp_path))
     assert all(isinstance(value, float) for value in found[key])
 
 
