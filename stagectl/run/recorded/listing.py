@@ -40,6 +40,8 @@ class ListedRun:
         verdict: on the wafer: "pass", "fail" or "incomplete"; None without limits.
         unit: "site" or "move", of which `done` out of `of` are complete; None where unknown.
         reason: why it ended early or cannot be read, or None.
+        settling: median of its micro-moves to the tightest window [s], or None.
+        continues: folder of the run that it resumed, or None.
     """
 
     folder: Path
@@ -57,10 +59,12 @@ class ListedRun:
     done: int | None = None
     of: int | None = None
     reason: str | None = None
+    settling: float | None = None
+    continues: str | None = None
 
     def __post_init__(self) -> None:
         texts = ("started", "recipe", "machine", "lot", "wafer", "operator", "comment", "outcome",
-                 "verdict", "unit")  # fmt: skip
+                 "verdict", "unit", "continues")  # fmt: skip
         for name in texts:
             value = getattr(self, name)
             if value is not None and not isinstance(value, str):
@@ -124,7 +128,14 @@ def _of_summary(path: Path) -> ListedRun:
         stop.get("done"),
         stop.get("of"),
         stop.get("reason") or summary["fault"],
+        _tightest(summary.get("micro", {}).get("settling_median", {})),
+        summary.get("resumed", {}).get("run"),
     )
+
+
+def _tightest(settling: Mapping[str, float]) -> float | None:
+    """The time to the tightest window."""
+    return None if not settling else float(settling[min(settling, key=float)])
 
 
 def _of_journal(path: Path) -> ListedRun:
@@ -167,4 +178,5 @@ def _of_notes(notes: RunNotes, path: Path, outcome: str) -> ListedRun:
         max(done, default=0 if resumed is None else resumed["done"]),
         run.get("stretches"),
         notes.fault,
+        continues=None if resumed is None else resumed["run"],
     )

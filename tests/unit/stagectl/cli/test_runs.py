@@ -34,21 +34,54 @@ def _header(folder):
 
 def test_columns_that_no_run_fills_are_left_out(tmp_path):
     _write_run(tmp_path / "a")
-    assert _header(tmp_path) == ["started", "recipe", "outcome", "run"]
+    rest = ["outcome", "settling", "run"]
+    assert _header(tmp_path) == ["started", "recipe", "stage", *rest]
     _write_run(tmp_path / "b", wafer="W7")
-    assert _header(tmp_path) == ["started", "recipe", "wafer", "outcome", "run"]
+    assert _header(tmp_path) == [
+        "started",
+        "recipe",
+        "stage",
+        "wafer",
+        "outcome",
+        "settling",
+        "run",
+    ]
 
 
-def test_the_name_of_a_folder_is_not_broken_at_80_columns(tmp_path, monkeypatch):
+def test_names_and_folders_are_whole_on_any_terminal(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     name = "inspection-20-20260304-050607"
     _write_run(tmp_path / name, operator="A. Meier", comment="after re-greasing of the y guideway")
     lines = CliRunner().invoke(command, [str(tmp_path)]).output.splitlines()
-    assert any(name in line for line in lines)
-    assert any("2026-03-04 05:06" in line for line in lines)
-    assert any("completed" in line for line in lines)
-    assert any("operator" in line for line in lines)
-    assert max(map(len, lines)) <= 80
+    (line,) = [line for line in lines if "2026-03-04 05:06" in line]
+    said = ("inspection-20", "virtual", "A. Meier", "after re-greasing of the y guideway",
+            "completed", str(tmp_path / name))  # fmt: skip
+    assert all(words in line for words in said)
+
+
+def test_only_runs_of_a_lot_since_a_date_or_that_failed(tmp_path):
+    _write_run(tmp_path / "a", lot="L1")
+    _write_run(tmp_path / "b", lot="L2", started="2026-03-06T00:00:00+00:00", outcome="fault")
+    _write_run(tmp_path / "c", started="2026-03-07T00:00:00+00:00", limits={"verdict": "fail"})
+
+    def listed(*options):
+        done = CliRunner().invoke(command, [str(tmp_path), *options, "--json", "-"])
+        return [run["folder"].rsplit("/")[-1] for run in json.loads(done.output)["runs"]]
+
+    assert listed("--lot", "L1") == ["a"]
+    assert listed("--since", "2026-03-05") == ["b", "c"]
+    assert listed("--failed") == ["b", "c"]
+    assert listed("--failed", "--lot", "L2") == ["b"]
+
+
+def test_a_resumed_run_names_the_one_it_continues_and_settling_is_listed(tmp_path):
+    micro = {"settling_median": {"5e-08": 0.0025, "2e-07": 0.0}}
+    _write_run(tmp_path / "b", resumed={"run": "runs/a", "done": 3}, micro=micro)
+    lines = CliRunner().invoke(command, [str(tmp_path)]).output.splitlines()
+    assert "continues" in _header(tmp_path)
+    (line,) = [line.split() for line in lines if "2026-03-04" in line]
+    assert line[-1] == "runs/a"
+    assert "2.5" in line
 
 
 @pytest.mark.parametrize("operator", [{"first": "A."}, ["A."], 7, "A.\x1b[31m"])
