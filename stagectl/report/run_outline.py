@@ -92,7 +92,7 @@ def headline(summary: Summary, recording: Recording | None) -> str:
     """Where and why it ended early, or the wafer's verdict and how much was done; settling."""
     where, duration = interruption(summary), f"{summary['duration']:.1f} s"
     if where is not None:
-        said = [f"ended {where} after {duration}: {reason(summary)}"]
+        said = [f"ended {where} ({duration}): {reason(summary)}"]
     else:
         moves = () if recording is None else recording.moves
         # From the recording: the summary leaves out moves without any distance to go.

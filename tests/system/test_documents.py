@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shlex
 import signal
 import sqlite3
@@ -106,7 +107,7 @@ def test_an_aborted_run_says_where_why_and_how_to_continue(stopped):
     assert (told["unit"], told["done"], told["of"], told["at"]) == ("site", 2, 4, 3)
     seconds = result.summary["duration"]
     assert headline(folder).startswith(
-        f"Ended at site 3 of 4 after {seconds:.1f} s: stopped by the operator (Ctrl-C). "
+        f"Ended at site 3 of 4 ({seconds:.1f} s): stopped by the operator (Ctrl-C). "
         "Wafer W7 incomplete: 2 of 4 sites judged, all within the limits."
     )
     words = shlex.split(told["resume"])
@@ -124,7 +125,7 @@ def test_the_terminal_says_where_an_aborted_run_ended(stopped):
         console = Console(width=width, record=True, file=io.StringIO())
         console.print(render_outcome(*stopped), crop=False)
         told = console.export_text()
-        assert f"Ended at site 3 of 4 after {seconds:.1f} s" in " ".join(told.split())
+        assert f"Ended at site 3 of 4 ({seconds:.1f} s)" in " ".join(told.split())
         assert f"to continue: {command}" in told.splitlines(), "a command is one line"
 
 
@@ -215,7 +216,9 @@ def test_recover_writes_summary_and_report(killed):
     assert [site["site"] for site in summary["limits"]["sites"]] == [1, 2]
     assert len(summary["friction"]) > 4
     assert all(entry["gain"] for entry in summary["friction"])
-    assert headline(killed.folder).startswith("Killed after site 2 of 4: the process was killed.")
+    assert re.match(
+        r"Ended after site 2 of 4 \(\d\.\d s\): the process was killed\.", headline(killed.folder)
+    )
     assert summary["interrupted"]["resume"] in done.output
 
 
