@@ -415,6 +415,7 @@ def test_gap_compare(stagectl, tmp_path):
     assert report["gap"]["x"]["force"]["explained"] < 0.14 < report["gap"]["x"]["force"]["nominal"]
 
 
+@pytest.mark.slow
 def test_gap_diagnose(stagectl, tmp_path):
     recording = DATA / "null-2.h5"
     twin, page = tmp_path / "twin.yaml", tmp_path / "gap.html"

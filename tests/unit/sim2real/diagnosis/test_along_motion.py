@@ -34,13 +34,20 @@ def report_of(machine, folder, *rivals):
     return found.report
 
 
+@pytest.fixture(scope="module")
+def tool(tmp_path_factory):
+    """A machine tool as examined and its diagnosis with the whole library."""
+    found = examined(TOOL, tmp_path_factory.mktemp("tool"))
+    return found, diagnose(found, {"a": 0.02}, library(), jobs=2)
+
+
 def figures(report):
     return {f.figure: f for f in report.fitted}
 
 
-def test_a_machine_tool_with_a_counterweight(tmp_path):
-    report = report_of(TOOL, tmp_path)
-    assert report.verdict == "explained"
+def test_a_machine_tool_with_a_counterweight(tool):
+    report = tool[1].report
+    assert (report.mode, report.verdict) == ("open_loop", "explained")
     assert [c.effect for c in report.causes] == ["force_offset"]
     assert report.causes[0].parameters["force"].value == pytest.approx(80.0, rel=0.05)
     assert report.gap_closed > 0.95
@@ -51,6 +58,7 @@ def test_a_machine_tool_with_a_counterweight(tmp_path):
     assert report.channels == ()
 
 
+@pytest.mark.slow
 def test_a_robot_joint_that_never_rests(tmp_path):
     rivals = ("unbalance", "force_offset", "cable_stiffness", "cogging", "viscous_damping")
     report = report_of(ROBOT, tmp_path, *rivals)
@@ -69,6 +77,7 @@ def test_a_belt_with_a_worn_place(tmp_path):
     assert figures(report)["coulomb"].value == pytest.approx(20.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_ball_screw_in_amperes_and_counts(tmp_path):
     rivals = ("transmission_ripple", "viscous_asymmetry", "friction_position", "force_ripple")
     report = report_of(SCREW, tmp_path, *rivals)
@@ -83,6 +92,7 @@ def test_a_small_actuator_that_warms_up(tmp_path):
     assert report.gap_closed > 0.8
 
 
+@pytest.mark.slow
 def test_the_ripple_of_a_joint_with_a_gear(tmp_path):
     """One period per turn of the motor, behind 1:100."""
     joint = replace(
@@ -97,9 +107,8 @@ def test_the_ripple_of_a_joint_with_a_gear(tmp_path):
     assert cause.parameters["pitch"].value == pytest.approx(0.02 * np.pi, rel=1e-3)
 
 
-def test_what_was_found_is_judged_along_the_motion_of_other_recordings(tmp_path):
-    found = examined(TOOL, tmp_path)
-    diagnosis = diagnose(found, {"a": 0.02}, library(), jobs=2)
+def test_what_was_found_is_judged_along_the_motion_of_other_recordings(tool, tmp_path):
+    found, diagnosis = tool
     faster = replace(TOOL, motion=strokes(0.3, (0.1, 0.25), 1.5), seed=9)
     data, how = faster.write(tmp_path)
     other = import_recording(data, *load_map(how))
@@ -129,6 +138,7 @@ def test_a_known_machine_without_an_effect_has_no_gap(tmp_path):
     assert (report.verdict, report.causes, report.fitted) == ("no_gap", (), ())
 
 
+@pytest.mark.slow
 def test_a_machine_file_far_off_is_no_small_gap(tmp_path):
     """Forces that vary by less than they are off."""
     wrong = replace(TOOL, known=("30", "800", "400"), noise=(1e-6, 300.0))

@@ -55,6 +55,7 @@ def answer(recording, tmp_path_factory):
     return result.output, json.loads(out.read_text())
 
 
+@pytest.mark.slow
 def test_known_forces_are_subtracted_first(recording, answer):
     """Cogging that was added to a real recording: nothing can be estimated until it is known."""
     x = recording.axes["x"]
@@ -93,6 +94,7 @@ def test_the_reference_stage_is_the_machine_file(answer):
     assert axis["misfit"]["held_out"] < 1.2
 
 
+@pytest.mark.slow
 def test_a_stage_that_follows_well_does_not_tell_its_mass_from_the_ripple(tmp_path):
     """There the encoder's noise is all that does: the mass was 7 % off by many of its sigmas."""
     machine = load_machine(None)
@@ -133,6 +135,7 @@ def test_command_names_what_it_cannot_use():
         )
 
 
+@pytest.mark.slow
 def test_mass_and_lag_are_found_within_their_sigma():
     """A stage 7 % heavier and with other friction than believed, its moves without friction's help.
 

@@ -151,6 +151,7 @@ def test_the_report_is_printed_before_a_twin_that_cannot_be_written(small):
     assert "No gap" in result.output
 
 
+@pytest.mark.slow
 def test_a_twin_has_the_figures_fitted_and_says_why_it_cannot_run(tmp_path):
     data, how = TOOL.write(tmp_path)
     path, twin = tmp_path / "r.h5", tmp_path / "twin.yaml"
@@ -247,6 +248,7 @@ def test_changed_and_kept_figures_are_listed():
     assert "warning y: mass stays 14.00 kg, fitted 13.79: at its bound" in lines
 
 
+@pytest.mark.slow
 def test_a_twin_keeps_the_measurement_of_the_real_stage(go, machine, sites, tmp_path):
     """It is on the same drives; that of a virtual stage is made again where it is needed."""
     virtual = measure_virtual_stage(machine, machine)

@@ -57,6 +57,7 @@ def test_the_machine_files_c_follows_fc_and_the_rate(recommended, attraction):
     assert _machine_values(found).get("attraction") == attraction
 
 
+@pytest.mark.slow
 def test_json_says_of_every_figure_what_held_out_moves_say():
     arguments = ["identify", str(RECORDING), "--axis", "x", "--json", "-"]
     told = json.loads(CliRunner().invoke(cli, arguments, catch_exceptions=False).stdout)

@@ -20,29 +20,43 @@ def call(*arguments, **options):
     return CliRunner().invoke(cli, [str(a) for a in arguments], **options)
 
 
+MACHINE = (resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml").read_text()
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """What is said of the virtual stage as it is measured, and the folder with it."""
+    folder = tmp_path_factory.mktemp("measured")
+    (folder / "m.yaml").write_text(MACHINE)
+    done = call(
+        "observer", "--measure", "--machine", folder / "m.yaml", "--simulate",
+        "--out", folder / "v.json", "--html", folder / "v.html", "--json", "-",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    return done, folder
+
+
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     """A folder with a machine file and a recipe."""
-    packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
-    (tmp_path / "m.yaml").write_text(packaged.read_text())
+    (tmp_path / "m.yaml").write_text(MACHINE)
     (tmp_path / "r.yaml").write_text(SITES)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_a_virtual_stage_is_measured(files):
-    done = call(
-        "observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json",
-        "--html", "v.html", "--json", "-",
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
+def test_a_virtual_stage_is_measured(measured):
+    done, folder = measured
     x = json.loads(done.stdout)["axes"]["x"]
     assert x["contradictions"] == []
     assert x["on"]
     assert x["measured"]["gain"] > 2.0
-    assert "Axis x" in (files / "v.html").read_text()
-    assert not (files / "m.response.json").exists()
-    again = call("observer", "--machine", "m.yaml", "--measurement", "v.json", "--json", "-")
+    assert "Axis x" in (folder / "v.html").read_text()
+    assert not (folder / "m.response.json").exists()
+    again = call(
+        "observer", "--machine", folder / "m.yaml", "--measurement", folder / "v.json", "--json",
+        "-",
+    )  # fmt: skip
     assert json.loads(again.stdout)["axes"] == json.loads(done.stdout)["axes"]
 
 
@@ -91,15 +105,14 @@ def observers(folder):
     return json.loads((folder / "summary.json").read_text())["observer"]
 
 
-def test_a_run_measures_the_virtual_stage_or_takes_what_is_given(files):
+def test_a_run_measures_the_virtual_stage_or_takes_what_is_given(files, measured):
     done = call("run", "r.yaml", "--machine", "m.yaml", "--simulate", "--out", "a")
     assert done.exit_code == 0, done.output
     assert all(axis["on"] for axis in observers(files / "a").values())
     assert call("replay", "a").exit_code == 0
-    call("observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json")
     given = call(
-        "run", "r.yaml", "--machine", "m.yaml", "--simulate", "--measurement", "v.json",
-        "--out", "b",
+        "run", "r.yaml", "--machine", "m.yaml", "--simulate", "--measurement",
+        measured[1] / "v.json", "--out", "b",
     )  # fmt: skip
     assert given.exit_code == 0, given.output
     assert observers(files / "b") == observers(files / "a")
@@ -154,6 +167,7 @@ def watched(folder):
     return observers, {e["axis"] for e in summary.get("watchdog", []) if e["out"]}
 
 
+@pytest.mark.slow
 def test_an_observer_that_is_out_stays_out_on_a_real_stage_until_it_is_measured(
     files, bus, changed
 ):
@@ -181,9 +195,8 @@ def test_an_observer_that_is_out_stays_out_on_a_real_stage_until_it_is_measured(
     assert watched(files / "c") == ({"x": True, "y": True}, set())
 
 
-def test_an_observer_that_is_out_is_replayed_and_begins_afresh_on_a_virtual_stage(
-    files, machine, monkeypatch
-):
+@pytest.mark.slow
+def test_an_observer_that_is_out_is_replayed_and_begins_afresh_on_a_virtual_stage(files, measured):
     (files / "slow.yaml").write_text(SLOW)
     (files / "faults.yaml").write_text(
         "faults: [{fault: drive, axis: y, error: over_current, at: 3.5 s}]\n"
@@ -194,9 +207,9 @@ def test_an_observer_that_is_out_is_replayed_and_begins_afresh_on_a_virtual_stag
             rf"\b{name}: ([0-9.]+)", lambda m, n=name: f"{n}: {float(m[1]) / 2}", packaged
         )
     (files / "soft.yaml").write_text(packaged)
-    call("observer", "--measure", "--machine", "m.yaml", "--simulate", "--out", "v.json")
     run = ("run", "slow.yaml", "--machine", "m.yaml", "--simulate", "soft.yaml")
-    ended = call(*run, "--measurement", "v.json", "--faults", "faults.yaml", "--out", "a")
+    given = ("--measurement", measured[1] / "v.json", "--faults", "faults.yaml")
+    ended = call(*run, *given, "--out", "a")
     assert "over-current" in str(ended.exception)
     assert watched(files / "a") == ({"x": True, "y": True}, {"x", "y"})
     assert not (files / "m.observer-out.json").exists()
