@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from annotated_types import Interval
 
 from drivers.errors import ConfigurationError, shown
+from stagedata.ranges import Count, NotNegative, Positive, Whole, check_ranges
 
 HOST_NODE = 127
 """Node id under which the host sends its heartbeat."""
@@ -17,8 +21,16 @@ def _require(condition: bool, axis: str | None, name: str, reason: str) -> None:
         raise ConfigurationError(f"{name}: {reason}", axis=axis)
 
 
-def _finite(value: float) -> bool:
-    return isinstance(value, int | float) and math.isfinite(value)
+def _check(settings: object, axis: str | None = None, prefix: str = "") -> None:
+    """Refuse settings outside the ranges in their annotations.
+
+    Raises:
+        ConfigurationError: names axis and setting.
+    """
+    try:
+        check_ranges(settings)
+    except ValueError as error:
+        raise ConfigurationError(f"{prefix}{error}", axis=axis) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,23 +44,18 @@ class RealTimeSettings:
         freeze_gc: no garbage collection during streams.
     """
 
-    priority: int = 0
-    core: int | None = None
+    priority: Annotated[int, Interval(ge=0, le=99)] = 0
+    core: Annotated[int, Interval(ge=0, le=1023)] | None = None
     lock_memory: bool = False
     freeze_gc: bool = True
 
     def __post_init__(self) -> None:
-        _require(
-            0 <= self.priority <= 99, None, "realtime priority",
-            f"must be 0..99, is {shown(self.priority)}",
-        )  # fmt: skip
-        _require(
-            self.core is None or self.core >= 0, None, "realtime core",
-            f"must be >= 0, is {shown(self.core)}",
-        )  # fmt: skip
+        _check(self, prefix="realtime ")
 
 
-SYNC_SOURCES = ("auto", "host", "kernel")
+SyncSource = Literal["auto", "host", "kernel"]
+Milliseconds = Annotated[float, Interval(ge=0, le=65.535)]
+"""Times that drives hold as UNSIGNED16 in ms [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,40 +79,31 @@ class BusSettings:
 
     interface: str
     channel: str
-    bitrate: int = 1_000_000
-    sync_period: float = 1e-3
+    bitrate: Count = 1_000_000
+    sync_period: Positive = 1e-3
     sync_counter: int = 0
-    sync_source: str = "auto"
-    sync_window: float = 0.0
-    max_missed: int = 5
-    max_late: int = 50
+    sync_source: SyncSource = "auto"
+    sync_window: NotNegative = 0.0
+    max_missed: Whole = 5
+    max_late: Whole = 50
     realtime: RealTimeSettings = RealTimeSettings()
 
     def __post_init__(self) -> None:
         _require(bool(self.interface), None, "bus interface", "is empty")
-        _require(self.bitrate > 0, None, "bitrate", f"must be > 0, is {shown(self.bitrate)}")
+        _check(self)
         counter = self.sync_counter
         _require(
             counter == 0 or 2 <= counter <= 240,
             None, "sync_counter", f"must be 0 or 2..240, is {shown(counter)}",
         )  # fmt: skip
-        _require(
-            self.sync_source in SYNC_SOURCES,
-            None, "sync_source", f"must be auto, host or kernel, is {shown(self.sync_source)}",
-        )  # fmt: skip
-        for name in ("max_missed", "max_late"):
-            _require(getattr(self, name) >= 0, None, name, "must be >= 0")
         period = self.sync_period
-        _require(
-            _finite(period) and period > 0, None, "sync_period", f"must be > 0, is {shown(period)}"
-        )
         _require(
             self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us,
             None, "sync_period", f"must be a whole number of microseconds, is {shown(period)} s",
         )  # fmt: skip
         window = self.sync_window
         _require(
-            _finite(window) and (window == 0 or 10e-6 <= window <= period),
+            window == 0 or 10e-6 <= window <= period,
             None, "sync_window", f"must be 0 or 10 us to sync_period, is {shown(window)}",
         )  # fmt: skip
 
@@ -139,24 +137,15 @@ class OptionCodes:
             action, is not allowed.
     """
 
-    quick_stop: int = 2
-    shutdown: int = 1
-    disable: int = 1
-    halt: int = 1
-    fault_reaction: int = 2
-    abort_connection: int = 3
+    quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
+    shutdown: Literal[0, 1] = 1
+    disable: Literal[0, 1] = 1
+    halt: Literal[1, 2, 3, 4] = 1
+    fault_reaction: Literal[0, 1, 2, 3, 4] = 2
+    abort_connection: Literal[1, 2, 3] = 3
 
     def __post_init__(self) -> None:
-        for name, allowed in (
-            ("quick_stop", (0, 1, 2, 3, 5, 6, 7, 8)), ("shutdown", (0, 1)), ("disable", (0, 1)),
-            ("halt", (1, 2, 3, 4)), ("fault_reaction", (0, 1, 2, 3, 4)),
-            ("abort_connection", (1, 2, 3)),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            _require(
-                value in allowed, None, f"option code {name}",
-                f"must be one of {', '.join(map(str, allowed))}, is {shown(value)}",
-            )  # fmt: skip
+        _check(self, prefix="option code ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,58 +175,37 @@ class AxisSettings:
     """
 
     name: str
-    node: int
+    node: Annotated[int, Interval(ge=1, le=HOST_NODE - 1)]
     eds: Path
-    rated_force: float
-    peak_force: float
+    rated_force: Positive
+    peak_force: Positive
     travel: tuple[float, float]
-    velocity: float
-    acceleration: float
-    jerk: float
-    following_error: float
-    increment: float = 1e-9
-    encoder: float = 0.0
-    velocity_unit: float = 0.0
-    acceleration_unit: float = 0.0
+    velocity: Positive
+    acceleration: Positive
+    jerk: Positive
+    following_error: Positive
+    increment: Positive = 1e-9
+    encoder: NotNegative = 0.0
+    velocity_unit: NotNegative = 0.0
+    acceleration_unit: NotNegative = 0.0
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
-    following_error_time: float = 0.01
-    position_window: float = 1e-6
-    position_window_time: float = 0.01
+    following_error_time: Milliseconds = 0.01
+    position_window: NotNegative = 1e-6
+    position_window_time: Milliseconds = 0.01
     options: OptionCodes = OptionCodes()
     unwatched_host: bool = False
-    boot_timeout: float = 2.0
-    enable_timeout: float = 2.0
-    revision: int | None = None
+    boot_timeout: Positive = 2.0
+    enable_timeout: Positive = 2.0
+    revision: Annotated[int, Interval(ge=0, le=0xFFFF)] | None = None
     rotary: bool = False
 
     def __post_init__(self) -> None:
         axis = self.name
         _require(bool(axis), None, "axis", "has no name")
-        _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {shown(self.node)}")
-        for name in (
-            "rated_force", "peak_force", "velocity", "acceleration", "jerk",
-            "following_error", "increment", "boot_timeout", "enable_timeout",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {shown(value)}")
-        _require(
-            self.revision is None or 0 <= self.revision <= 0xFFFF,
-            axis, "revision", f"must be 0..65535, is {shown(self.revision)}",
-        )  # fmt: skip
-        for name in ("following_error_time", "position_window_time"):
-            value = getattr(self, name)
-            _require(
-                _finite(value) and 0 <= value <= 65.535, axis, name,
-                f"must be 0 to 65.535 s, is {shown(value)}",
-            )  # fmt: skip
-        for name in ("encoder", "velocity_unit", "acceleration_unit", "position_window"):
-            value = getattr(self, name)
-            _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {shown(value)}")
+        _check(self, axis)
         low, high = self.travel
-        _require(
-            _finite(low) and _finite(high) and low < high, axis, "travel", "must be low < high"
-        )
+        _require(-math.inf < low < high < math.inf, axis, "travel", "must be low < high")
         _require(
             max(abs(low), abs(high)) / self.increment < 2**31,
             axis, "travel", f"does not fit INTEGER32 in units of {self.increment:g} m",
@@ -248,7 +216,7 @@ class AxisSettings:
         )  # fmt: skip
         _require(
             len(self.homing_velocity) == 2
-            and all(_finite(v) and v > 0 for v in self.homing_velocity),
+            and all(0 < v < math.inf for v in self.homing_velocity),
             axis, "homing_velocity", f"must be two speeds > 0, is {shown(self.homing_velocity)}",
         )  # fmt: skip
 

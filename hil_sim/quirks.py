@@ -10,7 +10,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
+from annotated_types import Interval
+
+from stagedata.ranges import NotNegative, check_ranges
+
+Delay = Annotated[int, Interval(ge=0, le=100)]
+Share = Annotated[float, Interval(ge=0, le=1)]
 _FORGOTTEN = 10
 """After so many periods without a SYNC the samples before say nothing."""
 
@@ -22,31 +29,26 @@ class Quirks:
     Attributes:
         offset_delay: SYNCs by which the force offset (0x60B2) acts too late.
         offset_sign: -1: it acts the other way.
-        offset_step: it acts in steps of this [1/1000 rated force]; 0: as sent.
+        offset_step: it acts in steps of this, over the rated force; 0: as sent.
         position_delay: SYNCs by which the position actual value (0x6064) is too old.
         position_filter: time constant of a low-pass on it [s]; 0: none.
     """
 
-    offset_delay: int = 0
-    offset_sign: int = 1
-    offset_step: float = 0.0
-    position_delay: int = 0
-    position_filter: float = 0.0
+    offset_delay: Delay = 0
+    offset_sign: Literal[1, -1] = 1
+    offset_step: Share = 0.0
+    position_delay: Delay = 0
+    position_filter: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("offset_delay", "position_delay", "offset_step", "position_filter"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name}: must be >= 0, is {value!r}")
-        if self.offset_sign not in (1, -1):
-            raise ValueError(f"offset_sign: must be 1 or -1, is {self.offset_sign!r}")
+        check_ranges(self)
 
 
 class OddOffset:
     """Makes of a force offset what acts."""
 
     def __init__(self, quirks: Quirks) -> None:
-        self._sign, self._step = quirks.offset_sign, quirks.offset_step
+        self._sign, self._step = quirks.offset_sign, 1000.0 * quirks.offset_step
         self._waiting: deque[float] = deque([0.0] * quirks.offset_delay)
 
     def clear(self) -> None:

@@ -5,12 +5,14 @@ Values and meaning: docs/reference-stage.md.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Protocol
+
+from annotated_types import Interval
 
 from hil_sim.quirks import Quirks
 from stagedata import FrictionFigures
+from stagedata.ranges import NotNegative, Positive, check_ranges
 
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
@@ -21,18 +23,6 @@ _LONGEST_COARSE_STEP = 2e-4
 def _require(condition: bool, name: str, reason: str) -> None:
     if not condition:
         raise ValueError(f"{name}: {reason}")
-
-
-def _positive(settings: object, *names: str) -> None:
-    for name in names:
-        value = getattr(settings, name)
-        _require(math.isfinite(value) and value > 0, name, f"must be > 0, is {value!r}")
-
-
-def _not_negative(settings: object, *names: str) -> None:
-    for name in names:
-        value = getattr(settings, name)
-        _require(math.isfinite(value) and value >= 0, name, f"must be >= 0, is {value!r}")
 
 
 class PortWriter(Protocol):
@@ -54,16 +44,14 @@ class CascadeSettings:
         span: ticks over which the encoder is differenced, 1 or 2.
     """
 
-    position_gain: float
-    velocity_gain: float
-    velocity_integral: float = 0.0
-    feedforward: float = 0.0
-    span: int = 1
+    position_gain: Positive
+    velocity_gain: Positive
+    velocity_integral: NotNegative = 0.0
+    feedforward: NotNegative = 0.0
+    span: Literal[1, 2] = 1
 
     def __post_init__(self) -> None:
-        _positive(self, "position_gain", "velocity_gain")
-        _not_negative(self, "velocity_integral", "feedforward")
-        _require(self.span in (1, 2), "span", f"must be 1 or 2, is {self.span!r}")
+        check_ranges(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,20 +70,18 @@ class ControlSettings:
         cascade: replaces the PID; None: PID.
     """
 
-    kp: float
-    ki: float
-    kd: float
-    derivative_time: float
-    current_bandwidth: float
-    rated_force: float
-    peak_force: float
-    period: float
+    kp: Positive
+    ki: NotNegative
+    kd: NotNegative
+    derivative_time: NotNegative
+    current_bandwidth: Positive
+    rated_force: Positive
+    peak_force: Positive
+    period: Positive
     cascade: CascadeSettings | None = None
 
     def __post_init__(self) -> None:
-        free = ("ki", "kd", "derivative_time", "cascade")
-        _positive(self, *(f.name for f in fields(self) if f.name not in free))
-        _not_negative(self, "ki", "kd", "derivative_time")
+        check_ranges(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,36 +110,29 @@ class AxisSettings:
     """
 
     name: str
-    node: int
-    mass: float
+    node: Annotated[int, Interval(ge=1, le=127)]
+    mass: Positive
     friction: FrictionFigures
     control: ControlSettings
-    increment: float
-    noise: float
+    increment: Positive
+    noise: NotNegative
     travel: tuple[float, float]
-    velocity: float
-    acceleration: float
-    jerk: float
-    following_error: float
-    wander: float = 0.0
-    correlation_time: float = 0.5
+    velocity: Positive
+    acceleration: Positive
+    jerk: Positive
+    following_error: Positive
+    wander: NotNegative = 0.0
+    correlation_time: Positive = 0.5
     effects: tuple[PortWriter, ...] = ()
-    unit: float = 1e-9
-    velocity_unit: float = 1e-9
-    acceleration_unit: float = 1e-6
+    unit: Positive = 1e-9
+    velocity_unit: Positive = 1e-9
+    acceleration_unit: Positive = 1e-6
     quirks: Quirks | None = None
     encoder_on_load: bool = False
     rotary: bool = False
 
     def __post_init__(self) -> None:
-        _positive(self, "unit", "velocity_unit", "acceleration_unit")
-        _require(1 <= self.node <= 127, "node", f"must be 1..127, is {self.node!r}")
-        _positive(
-            self,
-            "mass", "increment", "velocity", "acceleration", "jerk", "following_error",
-            "correlation_time",
-        )  # fmt: skip
-        _not_negative(self, "noise", "wander")
+        check_ranges(self)
         _require(self.travel[0] < self.travel[1], "travel", "must be [lowest, highest]")
 
 
@@ -167,13 +146,12 @@ class StageSettings:
         start: when a simulation starts, on the clock of effects that fade with time [s].
     """
 
-    sync_period: float
+    sync_period: Positive
     axes: tuple[AxisSettings, ...]
-    start: float = 0.0
+    start: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        _positive(self, "sync_period")
-        _not_negative(self, "start")
+        check_ranges(self)
         _require(len(self.axes) > 0, "axes", "at least one")
         periods = {a.control.period for a in self.axes}
         _require(len(periods) == 1, "control_period", "must be the same on all axes")

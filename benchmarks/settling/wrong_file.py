@@ -23,7 +23,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,9 +52,9 @@ def with_axes(machine: Machine, change: Callable[[Axis], Axis]) -> Machine:
     return machine.model_copy(update={"axes": axes})
 
 
-def with_quirks(machine: Machine, **quirks: float) -> Machine:
+def with_quirks(machine: Machine, **quirks: Any) -> Machine:
     """The machine with odd drives."""
-    odd = Quirks.model_validate(quirks)
+    odd = Quirks(**quirks)
     return with_axes(
         machine,
         lambda axis: axis.model_copy(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, StrictInt
+from pydantic import Field
 
 from stagectl.calibration.sequence import REACH, SiteSequence, choose_sequence
 from stagectl.config.machine import Label, Machine
@@ -44,7 +44,7 @@ class DueSection(Section):
     """
 
     days: PositiveNumber = 7.0
-    moves: Annotated[StrictInt, Field(ge=1)] = 50_000
+    moves: Annotated[int, Field(ge=1)] = 50_000
     distance: PositiveLength = 2000.0
     uncertainty: PositiveNumber = 0.03
     change: PositiveNumber = 0.04

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StrictInt
+from pydantic import BeforeValidator, Field
 
 from drivers.settings import HOST_NODE
 from stagectl.config.parsing.units import Length, NotNegativeTime, Number, PositiveTime
@@ -52,10 +52,11 @@ def _hexadecimal(pattern: re.Pattern[str], example: str) -> BeforeValidator:
 
 
 def _list(value: object) -> object:
-    return [value] if isinstance(value, int) and not isinstance(value, bool) else value
+    ids = [value] if isinstance(value, int) and not isinstance(value, bool) else value
+    return tuple(ids) if isinstance(ids, list) else ids
 
 
-Positive = Annotated[StrictInt, Field(ge=1)]
+Positive = Annotated[int, Field(ge=1)]
 FrameName = Annotated[str, BeforeValidator(_frame)]
 Occurrences = Annotated[tuple[Positive, ...], BeforeValidator(_list)]
 Probability = Annotated[Number, Field(gt=0, le=1)]
@@ -90,7 +91,7 @@ class Duplicate(OnFrames):
     """`fault: duplicate`."""
 
     fault: Literal["duplicate"]
-    copies: Annotated[StrictInt, Field(ge=1, le=100)] = 1
+    copies: Annotated[int, Field(ge=1, le=100)] = 1
 
 
 class Delay(OnFrames):
@@ -112,7 +113,7 @@ class Resize(OnFrames):
     """`fault: resize`."""
 
     fault: Literal["resize"]
-    length: Annotated[StrictInt, Field(ge=0, le=8)]
+    length: Annotated[int, Field(ge=0, le=8)]
 
 
 class Freeze(OnFrames):
@@ -207,5 +208,5 @@ FaultSection = Annotated[
 class FaultsFile(Section):
     """A whole faults file."""
 
-    seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] | None = None
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
     faults: Annotated[list[FaultSection], Field(min_length=1, max_length=1000)]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, StrictBool, StrictInt
+from pydantic import Field
 
 from stagectl.config.machine import Axis, AxisName, Machine, Name
 from stagectl.config.machine.file import load_machine
@@ -80,15 +80,15 @@ class Column(Section):
         format: of dates and times of day that are not ISO 8601, as Python's strptime has it.
     """
 
-    column: Name | StrictInt
+    column: Name | int
     unit: str | None = None
     factor: Number = 1.0
     offset: Number = 0.0
-    delay: StrictInt = 0
-    optional: StrictBool = False
+    delay: int = 0
+    optional: bool = False
     file: Name | None = None
     wrap: Annotated[Number, Field(gt=0.0)] | None = None
-    integrate: StrictBool = False
+    integrate: bool = False
     format: Name | None = None
 
 
@@ -103,7 +103,7 @@ class OtherFile(Section):
 
     path: Name
     time: Column | None = None
-    preamble: Annotated[StrictInt, Field(ge=0)] | None = None
+    preamble: Annotated[int, Field(ge=0)] | None = None
 
 
 class AxisColumns(Section):
@@ -136,9 +136,9 @@ class ImportMap(Section):
     machine: Name
     time: Column | None = None
     skip: NotNegativeTime = 0.0
-    preamble: Annotated[StrictInt, Field(ge=0)] | None = None
+    preamble: Annotated[int, Field(ge=0)] | None = None
     files: Mapping[Name, OtherFile] = Field(default_factory=dict)
-    resample: StrictBool = False
+    resample: bool = False
     axes: Annotated[Mapping[AxisName, AxisColumns], Field(min_length=1)]
 
     def column_names(self) -> set[str]:

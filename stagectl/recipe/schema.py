@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
+from pydantic import AfterValidator, Discriminator, Field, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
 from stagectl.config.machine import Label, LengthPair, Name
@@ -35,7 +35,7 @@ def _no_path(name: str) -> str:
 Kind = Literal["macro", "micro", "creep", "other"]
 Shape = Literal["chirp", "multisine"]
 OnTimeout = Literal["continue", "retry", "stop"]
-Count = Annotated[StrictInt, Field(ge=1, le=1000)]
+Count = Annotated[int, Field(ge=1, le=1000)]
 RecipeName = Annotated[Name, AfterValidator(_no_path)]
 FileName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
@@ -114,7 +114,7 @@ class SimulatedMark:
     """Marks drawn uniformly within +-`range` [m] of each site, per axis, from `seed`."""
 
     range: NotNegativeLength
-    seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     source: Literal["simulated"] = "simulated"
 
 
@@ -201,7 +201,7 @@ class Dwell:
 class RepeatItem(Section):
     """`{repeat: n, moves: [...]}`."""
 
-    repeat: Annotated[StrictInt, Field(ge=1, le=100_000)]
+    repeat: Annotated[int, Field(ge=1, le=100_000)]
     moves: Annotated[list[MoveItem], Field(min_length=1)]
 
 

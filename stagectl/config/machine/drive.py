@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StrictInt
+from pydantic import Field
+from pydantic.dataclasses import dataclass
 
+import hil_sim.quirks
+from drivers.settings import OptionCodes
 from stagectl.config.parsing.units import (
     NotNegativeDamping,
     NotNegativeIntegralGain,
@@ -20,7 +23,7 @@ from stagectl.config.parsing.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.parsing.validation import Section
+from stagectl.config.parsing.validation import STRICT, Section
 
 
 class Pid(Section):
@@ -50,30 +53,10 @@ class Cascade(Section):
     derivative_time: NotNegativeTime = 0.0
 
 
-class OptionCodes(Section):
-    """How the drive stops: values of 0x605A, 0x605B, 0x605C, 0x605D, 0x605E and 0x6007."""
+@dataclass(frozen=True, slots=True, config=STRICT)
+class Quirks(hil_sim.quirks.Quirks):
+    """What a simulated drive does on the bus that its papers do not say; its time has a unit."""
 
-    quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
-    shutdown: Literal[0, 1] = 1
-    disable: Literal[0, 1] = 1
-    halt: Literal[1, 2, 3, 4] = 1
-    fault_reaction: Literal[0, 1, 2, 3, 4] = 2
-    abort_connection: Literal[1, 2, 3] = 3
-
-
-class Quirks(Section):
-    """What a simulated drive does on the bus that its papers do not say (`hil_sim.quirks`).
-
-    Attributes:
-        offset_delay: SYNCs by which 0x60B2 acts too late.  offset_sign: -1: the other way.
-        offset_step: steps in which it acts, over the rated force.
-        position_delay: SYNCs by which 0x6064 is too old.  position_filter: low-pass on it [s].
-    """
-
-    offset_delay: Annotated[StrictInt, Field(ge=0, le=100)] = 0
-    offset_sign: Literal[1, -1] = 1
-    offset_step: Annotated[NotNegativeNumber, Field(le=1)] = 0.0
-    position_delay: Annotated[StrictInt, Field(ge=0, le=100)] = 0
     position_filter: Annotated[NotNegativeTime, Field(le=1)] = 0.0
 
 
@@ -103,7 +86,7 @@ class Drive(Section):
     acceleration_unit: PositiveAcceleration | None = None
     boot_timeout: PositiveTime = 2.0
     enable_timeout: PositiveTime = 2.0
-    revision: Annotated[StrictInt, Field(ge=0, le=65_535)] | None = None
+    revision: Annotated[int, Field(ge=0, le=65_535)] | None = None
     pid: Pid | None = None
     cascade: Cascade | None = None
     quirks: Quirks | None = None

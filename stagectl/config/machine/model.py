@@ -13,11 +13,10 @@ from pydantic import (
     BeforeValidator,
     Field,
     PrivateAttr,
-    StrictBool,
-    StrictInt,
     StringConstraints,
 )
 
+from drivers.settings import RealTimeSettings, SyncSource
 from stagectl.config.machine.drive import Drive
 from stagectl.config.machine.effect import GivenEffect
 from stagectl.config.machine.plant import Plant
@@ -52,24 +51,10 @@ def _pair(value: object) -> object:
     if not isinstance(value, list) or len(value) != 2:
         what = f"{len(value)} items" if isinstance(value, list) else describe_value(value)
         raise refusal(f"must be a list of two, is {what}")
-    return value
+    return tuple(value)
 
 
 LengthPair = Annotated[tuple[Length, Length], BeforeValidator(_pair)]
-
-
-class RealTime(Section):
-    """What the host requests from the operating system on a bus in real time.
-
-    Attributes:
-        priority: of SCHED_FIFO; 0 for none.  core: to run on; None for any.
-        lock_memory: keep all memory in RAM.  freeze_gc: no garbage collection during motion.
-    """
-
-    priority: Annotated[StrictInt, Field(ge=0, le=99)] = 0
-    core: Annotated[StrictInt, Field(ge=0, le=1023)] | None = None
-    lock_memory: StrictBool = False
-    freeze_gc: StrictBool = True
 
 
 class Bus(Section):
@@ -86,14 +71,14 @@ class Bus(Section):
 
     interface: Name
     channel: Label
-    bitrate: Annotated[StrictInt, Field(ge=10_000, le=1_000_000)]
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
     sync_period: Annotated[PositiveTime, Field(le=1)]
-    max_missed: Annotated[StrictInt, Field(ge=0, le=10_000)] = 5
-    max_late: Annotated[StrictInt, Field(ge=0, le=10_000)] = 50
-    sync: Literal["auto", "host", "kernel"] = "auto"
-    sync_counter: Annotated[StrictInt, Field(ge=0, le=240)] = 0
+    max_missed: Annotated[int, Field(ge=0, le=10_000)] = 5
+    max_late: Annotated[int, Field(ge=0, le=10_000)] = 50
+    sync: SyncSource = "auto"
+    sync_counter: Annotated[int, Field(ge=0, le=240)] = 0
     sync_window: NotNegativeTime = 0.0
-    realtime: RealTime = RealTime()
+    realtime: RealTimeSettings = RealTimeSettings()
 
 
 Milliseconds = Annotated[NotNegativeTime, Field(le=65.535)]
@@ -121,13 +106,13 @@ class Encoder(Section):
 
     increment: PositiveLength
     noise: NotNegativeLength
-    on_load: StrictBool = False
+    on_load: bool = False
 
 
 class Homing(Section):
     """Homing of an axis: CiA 402 method, search velocity and index velocity [m/s]."""
 
-    method: Annotated[StrictInt, Field(ge=-128, le=127)] = 34
+    method: Annotated[int, Field(ge=-128, le=127)] = 34
     velocity: PositiveVelocity = 0.01
     index_velocity: PositiveVelocity = 0.002
 
@@ -144,7 +129,7 @@ class Axis(Section):
         rotary: whether it turns: rad for m, N m for N and kg m^2 for kg.
     """
 
-    node: Annotated[StrictInt, Field(ge=1, le=127)]
+    node: Annotated[int, Field(ge=1, le=127)]
     travel: LengthPair
     limits: Limits
     encoder: Encoder
@@ -154,7 +139,7 @@ class Axis(Section):
     homing: Homing = Homing()
     effects: tuple[GivenEffect, ...] = ()
     observer: Literal["auto", "trust", "none"] = "auto"
-    rotary: StrictBool = False
+    rotary: bool = False
 
 
 class Temperature(Section):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, StrictInt
+from pydantic import Field
 
 from stagectl.config.parsing.units import (
     NotNegativeDamping,
@@ -40,7 +40,7 @@ class Friction(Section):
     """
 
     model: LawName
-    elements: Annotated[StrictInt, Field(ge=1, le=MAX_ELEMENTS)] | None = None
+    elements: Annotated[int, Field(ge=1, le=MAX_ELEMENTS)] | None = None
     coulomb: PositiveForce
     static_ratio: Annotated[Number, Field(gt=-1)]
     stribeck_velocity: PositiveVelocity

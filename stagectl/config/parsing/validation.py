@@ -7,12 +7,13 @@ key it suggests a known one.
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections.abc import Iterator
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from dataclasses import is_dataclass
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from stagectl.config.parsing.yaml_nodes import Document, describe_value
@@ -33,8 +34,11 @@ KINDS = {
 M = TypeVar("M", bound=BaseModel)
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-"""Of a section that is a pydantic dataclass, since the program makes such values too."""
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+"""Of a section that is a pydantic dataclass, since the program makes such values too.
+
+A dataclass of a lower package can be a section as it is, its annotations the ranges.
+"""
 
 
 class Section(BaseModel):
@@ -59,7 +63,8 @@ def validate(document: Document, model: type[M], data: object = None) -> M:
         raise ConfigError(document.problem((), reason))
     problems = list(document.problems)
     try:
-        result = model.model_validate(document.data if data is None else data)
+        values = json.dumps(document.data if data is None else data)
+        result = model.model_validate_json(values)  # strict, but lists and mappings are JSON's
     except ValidationError as error:
         refused = {_place(p) for p in problems}  # their placeholders may be refused again
         errors = _without_misspelt(model, error.errors(include_url=False))
@@ -177,39 +182,33 @@ def _known_keys(model: type, location: tuple[str | int, ...]) -> list[str]:
     """The keys of the model at a location; those of all members of a union."""
     models = {model}
     for part in location:
-        inner = {m for one in models for m in _models_in(_annotation(one, part))}
+        inner = {m for one in models for m in _models_in(_fields(one).get(str(part)))}
         # List indices, keys of mappings and tags of unions are not fields and do not descend;
         # a tag selects the one member of the union that was tried.
         models = inner or {m for m in models if _has_tag(m, part)} or models
-    return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _keys(one)))
+    return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _fields(one)))
 
 
 def _has_tag(model: type, part: str | int) -> bool:
     """Whether this is the model's tag in a union: its name or its only literal value."""
     return part == model.__name__ or any(
-        get_origin(f.annotation) is Literal and get_args(f.annotation) == (part,)
-        for f in _fields(model).values()
+        get_origin(annotation) is Literal and get_args(annotation) == (part,)
+        for annotation in _fields(model).values()
     )
 
 
-def _fields(model: type) -> dict[str, FieldInfo]:
-    fields: dict[str, FieldInfo] = model.__pydantic_fields__  # type: ignore[attr-defined]
-    return fields
-
-
-def _keys(model: type) -> list[str]:
-    return [f.alias or name for name, f in _fields(model).items()]
-
-
-def _annotation(model: type, key: str | int) -> Any:
-    for name, f in _fields(model).items():
-        if key == (f.alias or name):
-            return f.annotation
-    return None
+def _fields(model: type) -> dict[str, Any]:
+    """The keys of a section with their annotations."""
+    fields = getattr(model, "__pydantic_fields__", None)
+    if fields is None:
+        return get_type_hints(model)
+    return {f.alias or name: f.annotation for name, f in fields.items()}
 
 
 def _models_in(annotation: Any) -> Iterator[type]:
-    if isinstance(annotation, type) and hasattr(annotation, "__pydantic_fields__"):
+    if isinstance(annotation, type) and (
+        is_dataclass(annotation) or hasattr(annotation, "__pydantic_fields__")
+    ):
         yield annotation
     for argument in get_args(annotation):
         yield from _models_in(argument)

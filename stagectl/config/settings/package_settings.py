@@ -14,7 +14,6 @@ from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
     import drivers.settings
-    import hil_sim.quirks
     import hil_sim.settings
 
 
@@ -52,7 +51,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 wander=friction.repeatability.coulomb,
                 correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
-                quirks=_quirks(drive),
+                quirks=drive.quirks,
                 encoder_on_load=axis.encoder.on_load,
                 velocity_unit=drive.velocity_count,
                 acceleration_unit=drive.acceleration_count,
@@ -87,15 +86,6 @@ def _check_steps(machine: Machine, substeps: int) -> None:
                 problems.append(machine.document.problem(place, reason))
     if problems:
         raise ConfigError(problems)
-
-
-def _quirks(drive: Drive) -> hil_sim.quirks.Quirks | None:
-    from hil_sim.quirks import Quirks
-
-    if drive.quirks is None:
-        return None
-    own = drive.quirks.model_dump()
-    return Quirks(**{**own, "offset_step": 1000.0 * own["offset_step"]})
 
 
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
@@ -150,12 +140,7 @@ def driver_settings(
         sync_window=machine.bus.sync_window,
         max_missed=machine.bus.max_missed,
         max_late=machine.bus.max_late,
-        realtime=settings.RealTimeSettings(
-            machine.bus.realtime.priority,
-            machine.bus.realtime.core,
-            machine.bus.realtime.lock_memory,
-            machine.bus.realtime.freeze_gc,
-        ),
+        realtime=machine.bus.realtime,
     )
     axes = tuple(
         settings.AxisSettings(
@@ -178,7 +163,7 @@ def driver_settings(
             following_error_time=axis.limits.following_error_time,
             position_window=axis.limits.position_window,
             position_window_time=axis.limits.position_window_time,
-            options=settings.OptionCodes(**axis.drive.options.model_dump()),
+            options=axis.drive.options,
             unwatched_host=axis.drive.unwatched_host == "accept",
             boot_timeout=axis.drive.boot_timeout,
             enable_timeout=axis.drive.enable_timeout,

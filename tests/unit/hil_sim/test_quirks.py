@@ -33,7 +33,7 @@ def sent(host, plant, forces):
     [
         (Quirks(offset_delay=3), [0, 0, 0, 10, -20, 7, 0, 30]),
         (Quirks(offset_sign=-1), [-10, 20, -7, 0, -30, -30, -30, -30]),
-        (Quirks(offset_step=12.5), [12.5, -25, 12.5, 0, 25, 25, 25, 25]),
+        (Quirks(offset_step=0.0125), [12.5, -25, 12.5, 0, 25, 25, 25, 25]),
     ],
     indirect=["stage_settings"],
 )

@@ -55,5 +55,5 @@ def test_ticks_and_steps_follow_from_the_periods(nominal):
 
 @pytest.mark.parametrize("span", [0, 3])
 def test_a_cascade_differences_over_one_or_two_ticks(span):
-    with pytest.raises(ValueError, match=r"^span: must be 1 or 2"):
+    with pytest.raises(ValueError, match=r"^span: must be one of 1, 2, is"):
         CascadeSettings(1.0, 1.0, span=span)

@@ -69,6 +69,41 @@ GOOD = load_machine().text
             "axes.x.plant.friction.model: must be 'gms' or 'coulomb', is 'lugre'",
         ),
         (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      options: {^quickstop: 2}",
+            "axes.x.drive.options.quickstop: unknown key; did you mean 'quick_stop'?",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      quirks: {offset_delay: ^'3'}",
+            "axes.x.drive.quirks.offset_delay: must be a whole number, is '3'",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      quirks: {offset_step: ^1.5}",
+            "axes.x.drive.quirks.offset_step: must be <= 1, is 1.5",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      quirks: {position_filter: ^2 s}",
+            "axes.x.drive.quirks.position_filter: must be <= 1, is '2 s'",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      quirks: ^late",
+            "axes.x.drive.quirks: must be a mapping (key: value), is 'late'",
+        ),
+        (
+            "sync_period: 0.001",
+            "sync_period: 0.001\n  realtime: {core: ^1.0}",
+            "bus.realtime.core: must be a whole number, is 1",
+        ),
+        (
+            "sync_period: 0.001",
+            "sync_period: 0.001\n  realtime: {lock_memory: ^1}",
+            "bus.realtime.lock_memory: ",
+        ),
+        (
             "elements: 10",
             "elements: ^0",
             "axes.x.plant.friction.elements: must be >= 1, is 0",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from pathlib import Path
 
 import pytest
 
 from drivers import objects as od
 from drivers.drive import unit
-from hil_sim import Quirks
 from stagectl.config import driver_settings, load_machine, parse_machine, stage_settings
 from stagectl.errors import ConfigError
 from tests.simple_law import simple_law_text
@@ -47,7 +47,7 @@ def test_quirks_and_the_encoders_place_reach_the_simulated_drive_alone() -> None
     text = text.replace("noise: 1.0e-9}", "noise: 1.0e-9, on_load: true}", 1)
     machine = parse_machine(text, "m.yaml")
     x, y = stage_settings(machine).axes
-    assert x.quirks == Quirks(3, -1, 10.0, 1)
+    assert astuple(x.quirks) == (3, -1, 0.01, 1, 0.0)
     assert x.encoder_on_load
     assert y.quirks is None
     assert driver_settings(machine) == driver_settings(load_machine())
