@@ -8,6 +8,7 @@ of diagnoses in `gap`, which takes all of `sim2real`: nothing here imports it.
 from stagectl.report.ending import interruption, resume_command, verdict
 from stagectl.report.outline import Cell, Fact, Outline, Section, Table
 from stagectl.report.render import render_page, render_template
+from stagectl.report.run_comparison import compare_runs
 from stagectl.report.run_outline import friction_map_used, run_outline
 from stagectl.report.run_page import write_report
 from stagectl.report.svg import Line, Panel, Span, draw, ticks
@@ -23,6 +24,7 @@ __all__ = [
     "Span",
     "Table",
     "Whole",
+    "compare_runs",
     "draw",
     "friction_map_used",
     "interruption",

@@ -96,7 +96,9 @@ def draw_heat_map(of: HeatMap) -> Markup:
         value = f"{low + part * (top - low):.{decimals}f}".replace("-", "\N{MINUS SIGN}")
         inside.append(text(bar + 18, _TOP + high * (1 - part) + 4, value, "start"))
     inside.append(text(bar, _TOP - 8, of.labels[2], "start"))
-    frame = Frame(x, y, of.labels[0], of.labels[1], of.title).draw(inside, grid=False)
+    frame = Frame(x, y, of.labels[0], of.labels[1], of.title if of.is_plane else "").draw(
+        inside, grid=False
+    )
     return Markup(  # noqa: S704 - all texts are escaped
         picture(frame, _LEFT + wide + _BAR, _TOP + high + _BELOW, of.title)
     )

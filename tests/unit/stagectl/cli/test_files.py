@@ -121,7 +121,7 @@ def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
                     pair = {str(other.name): "file", str(out.name): "file"}
                     code, said = call(words, command, pair)
                     assert (code, "an output must be" in said) == (2, True), (words, pair, said)
-    assert {"run", "calibrate", "runs", "replay", "measure", "identify"} <= set(tried)
+    assert {"run", "calibrate", "list", "replay", "measure", "identify"} <= set(tried)
 
 
 def test_a_history_made_by_the_command_itself_is_not_replaced(tmp_path: Path, monkeypatch) -> None:

@@ -93,3 +93,27 @@ def test_one_run_that_is_not_as_it_should_be_hides_no_other(tmp_path, operator):
     assert "completed" in done.output
     assert "unreadable" in done.output
     assert "\x1b[31m" not in done.output
+
+
+def test_two_runs_stand_beside_each_other(tmp_path):
+    def move(settling):
+        times = {"5e-08": settling, "2e-07": 0.0}
+        return {"site": 1, "axis": "x", "kind": "micro", "peak_error": 9e-8, "distance": 5e-5,
+                "settling": times, "settled": True}  # fmt: skip
+
+    figures = {"coulomb": {"value": 6.02, "sigma": 0.05, "unit": "N"}}
+    entry = {"site": 1, "axis": "x", "accepted": True, "reason": None, "parameters": figures}
+    for name, settling in (("a", 0.002), ("b", 0.012)):
+        _write_run(
+            tmp_path / name, format="stagectl-run-summary", moves=[move(settling)],
+            friction=[entry], compensation="estimated", seed=1, duration=1.0, wall_time=0.1,
+            cycle={"period": 1e-3, "missed": 0, "late": 0}, wafer=f"W-{name}",
+        )  # fmt: skip
+    done = CliRunner().invoke(command, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
+    assert done.exit_code == 0, done.exception
+    rows = [" ".join(line.split()) for line in done.output.splitlines()]
+    assert "x micro: ±50 nm, ms 2 12" in rows
+    assert "x coulomb, N 6.020 ± 0.050 6.020 ± 0.050" in rows
+    assert "Wafer W-a W-b" in rows
+    none = CliRunner().invoke(command, ["compare", str(tmp_path), str(tmp_path / "b")])
+    assert "no summary of a run" in str(none.exception)
