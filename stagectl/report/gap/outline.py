@@ -31,17 +31,6 @@ def diagnosis_outline(
         machine: name of the machine.
         measured: the gap of each recording.
     """
-    notices = [
-        Fact(f"{f.text} (corrected)" if f.applied else f.text, "good" if f.applied else "warning")
-        for f in report.channels
-    ]
-    notices += [
-        Fact(
-            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
-            f"{f.unit} fitted"
-        )
-        for f in report.fitted
-    ]
     next_moves = () if report.next_experiment is None else (Fact(report.next_experiment.why),)
     repeats = repeat_lines([m.repeats for m in measured])
     return Outline(
@@ -52,7 +41,7 @@ def diagnosis_outline(
         sentence(report.reason),
         facts={"Recordings": ", ".join(report.recordings), "Clock": report.clock},
         figures=_figures(report),
-        notices=notices,
+        notices=_notices(report),
         sections={
             "gap": gap_section(report.gap or {}, f"Gap of {machine} (rms)", repeats=repeats),
             "where": Section(
@@ -85,6 +74,22 @@ def diagnosis_outline(
             "candidates": _candidates(report),
         },
     )
+
+
+def _notices(report: GapReport) -> list[Fact]:
+    """Faults of channels, and what the machine file leaves unknown, as fitted."""
+    notices = [
+        Fact(f"{f.text} (corrected)" if f.applied else f.text, "good" if f.applied else "warning")
+        for f in report.channels
+    ]
+    notices += [
+        Fact(
+            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
+            f"{f.unit} fitted"
+        )
+        for f in report.fitted
+    ]
+    return notices
 
 
 def headline(report: GapReport) -> str:

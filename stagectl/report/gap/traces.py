@@ -97,6 +97,18 @@ def residual_section(
     counted = np.concatenate(valid)
     residuals = {k: np.concatenate(v)[counted] for k, v in kinds.items() if v}
     places = {k: np.concatenate(v)[counted] for k, v in by.items()}
+    panels = _panels(residuals, places, settings, unit, measured[0].replay.period)
+    return Section(axis, signal, share, _by_phase(places["phase"], residuals, unit), panels)
+
+
+def _panels(
+    residuals: dict[str, F64],
+    places: dict[str, F64],
+    settings: AxisSettings,
+    unit: str,
+    period: float,
+) -> list[Panel]:
+    """Rms over position, velocity and time, and the spectrum."""
     moving = (places["phase"] != REST) & (places["phase"] != SETTLING)
     label = f"rms [{unit}]"
     panels = []
@@ -113,13 +125,10 @@ def residual_section(
             if shown.any()
         ]
         panels.append(Panel(f"Over {name}", Chart(curves, x_label, label, zero=True)))
-    curves = [
-        Curve(kind, *_spectrum(values, measured[0].replay.period))
-        for kind, values in residuals.items()
-    ]
+    curves = [Curve(kind, *_spectrum(values, period)) for kind, values in residuals.items()]
     density = f"density [{unit}/√Hz]"
     panels.append(Panel("Spectrum", Chart(curves, "frequency [Hz]", density, log="xy")))
-    return Section(axis, signal, share, _by_phase(places["phase"], residuals, unit), panels)
+    return panels
 
 
 def friction_panel(profile: FrictionOverPosition, axis: AxisSettings) -> Panel:
