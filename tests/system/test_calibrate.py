@@ -145,8 +145,8 @@ def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(cal
 def test_the_page_made_again_from_a_recording_is_that_of_the_calibration(calibrated):
     folder, _, outcome = calibrated
     for run, visits, badge in (
-        ("rest", "5 of 5 visits", "complete"),
-        ("killed", "2 of 5", "int"),
+        ("rest", "5 of 5 visits", "Complete"),
+        ("killed", "2 of 5", "Int"),
     ):
         page = folder / run / "report.html"
         page.unlink(missing_ok=True)
@@ -158,7 +158,8 @@ def test_the_page_made_again_from_a_recording_is_that_of_the_calibration(calibra
         assert f'class="badge good">{badge}' in text or f'class="badge bad">{badge}' in text
         assert "No new map" not in text
     # the levels are the estimates', within the map's uncertainty of the map's
-    levels = re.findall(r'class="n main">([\d.]+)<', (folder / "rest" / "report.html").read_text())
+    page = (folder / "rest" / "report.html").read_text()
+    levels = re.findall(r'data-axis="\w+">\w+</td>\s*<td class="n">([\d.]+)<', page)
     assert len(levels) == len(outcome["sites"])
     for level, entry in zip(levels, outcome["sites"], strict=True):
         assert float(level) == pytest.approx(entry["coulomb"], rel=0.05)
@@ -220,12 +221,13 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     page = tmp_path / "map.html"
     said = stagectl("map", "show", *where, "--html", page, "--at", "0.01", "0.01")
     assert "map 1" in said
-    assert page.read_text().count("<svg") == 2 * (2 + 4)  # two heat maps and the trends of an axis
+    drawn = page.read_text()  # two heat maps and the trends of an axis
+    assert (drawn.count("<svg"), drawn.count('class="chart curves"')) == (2 * 2, 2 * 4)
     assert "map 2" in stagectl("map", "build", *where, "--comment", "again")
     assert "since map 1: all sites" in stagectl("map", "compare", "1", "2", *where)
     assert "is 'nan'" in stagectl("map", "show", *where, "--at", "nan", "0", code=None)
     there = stagectl("map", "show", *where, "--at", "10mm", "-5mm")
-    assert "at (10, -5) mm" in there
+    assert "At (10, -5) mm" in there
     stagectl("map", "activate", "1", "--check", *where)
     assert "no map is in use" in stagectl("map", "rollback", *where, code=2)
     stagectl("map", "activate", "1", *where)
