@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.emcy import error_text, register_text
+from drivers.canopen.nmt import NMT_STATES
 from drivers.canopen.remote_objects import RemoteObjects
 from drivers.errors import NodeError
 from drivers.settings import AxisSettings
@@ -26,7 +27,6 @@ HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
 
 _OPERATIONAL, _PRE_OPERATIONAL = 5, 127
-_NMT_STATES = {4: "STOPPED", 5: "OPERATIONAL", 127: "PRE-OPERATIONAL"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Node(RemoteObjects):
             if self.watched:
                 self._raise(Alarm(REBOOTED))
         elif self.watched and state != _OPERATIONAL:
-            self._raise(Alarm(f"NMT state is {_NMT_STATES.get(state, state)}, not OPERATIONAL"))
+            self._raise(Alarm(f"NMT state is {_in_words(state)}, not OPERATIONAL"))
 
     def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 3:
@@ -113,7 +113,7 @@ class Node(RemoteObjects):
     @property
     def nmt_state(self) -> str | None:
         """NMT state of the last heartbeat, None before the first."""
-        return None if self.state is None else _NMT_STATES.get(self.state, str(self.state))
+        return None if self.state is None else _in_words(self.state)
 
     # -- NMT --------------------------------------------------------------------------------
 
@@ -223,7 +223,7 @@ class Node(RemoteObjects):
         if not self._network.pump_until(lambda: self.state == _OPERATIONAL, wait):
             raise NodeError(
                 f"node {self.id} did not become OPERATIONAL within {wait:g} s "
-                f"(heartbeat says {_NMT_STATES.get(self.state or 0, 'nothing')})",
+                f"(heartbeat says {self.nmt_state or 'nothing'})",
                 axis=self.name,
             )
         self.clear_alarms()
@@ -243,3 +243,7 @@ class Node(RemoteObjects):
         if self._watch in self._network.watchers:
             self._network.watchers.remove(self._watch)
         self._sdo.detach()
+
+
+def _in_words(state: int) -> str:
+    return NMT_STATES.get(state, str(state)).upper()

@@ -17,6 +17,7 @@ from collections.abc import Callable
 import can
 
 from drivers.canopen.clock import Clock
+from drivers.canopen.nmt import NMT_COMMANDS
 from drivers.objects import SYNC_ID
 from drivers.settings import HOST_NODE
 
@@ -28,10 +29,6 @@ _COPY_NS = 20_000_000
 """Copies of a frame arrive within this time."""
 _LOST_NS = 2_000_000_000
 """A frame that has not been returned after this time never will be."""
-_NMT_COMMANDS = {
-    1: "start", 2: "stop", 128: "enter PRE-OPERATIONAL", 129: "reset node",
-    130: "reset communication",
-}  # fmt: skip
 
 
 class OtherHost:
@@ -102,7 +99,7 @@ def _describe(can_id: int, data: bytes) -> str:
     if can_id == NMT_ID:
         if len(data) != 2:
             return "an NMT command (0x000)"
-        command = _NMT_COMMANDS.get(data[0], f"0x{data[0]:02X}")
+        command = NMT_COMMANDS.get(data[0], f"0x{data[0]:02X}")
         whom = f"node {data[1]}" if data[1] else "all nodes"
         return f"the NMT command '{command}' (0x000) for {whom}"
     if can_id == SYNC_ID:

@@ -2,8 +2,13 @@
 
 Position: 0x608F encoder increments per motor revolution, 0x6091 gear, 0x6092 feed, which together
 give the encoder increments of one position unit; and 0x60A8. Velocity and acceleration: 0x6096 and
-0x6097, increments per second (squared) for one unit; and 0x60A9 and 0x60AA (`notation`). Force:
-0x6076 [mN]; force values are in thousandths of it (CiA 402).
+0x6097, increments per second (squared) for one unit; and 0x60A9 and 0x60AA. Force: 0x6076 [mN];
+force values are in thousandths of it (CiA 402).
+
+0x60A8 to 0x60AA are notations of CiA 303-2 in the layout of CiA 402-2: bits 31..24 hold a power of
+ten, 23..16 what is counted, 15..8 by what it is divided, 7..0 nothing. Notations from 0xA0 on are
+drive makers', and named only where makers agree. The length of a revolution or of an increment is
+not known from them, and no unit is made one of another.
 
 All that a drive says has to agree with the settings; a unit that is not understood is refused.
 Where it says nothing of velocities or accelerations the settings have to, a default is no
@@ -18,7 +23,6 @@ from fractions import Fraction
 
 from drivers import objects as od
 from drivers.canopen import Node
-from drivers.drive import notation
 from drivers.drive.scaling import dimension, unit
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
@@ -28,6 +32,50 @@ TOLERANCE = 1e-6
 """Relative deviation due to factors that are fractions of 32-bit numbers."""
 _REVERSED = 0xC0
 """Bits 7 (position) and 6 (velocity) of 0x607E."""
+INCREMENT = "increment"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedUnit:
+    """One unit of a drive.
+
+    Attributes:
+        words: what it is.
+        base: "m", "rad" or `INCREMENT`; "" for anything else.
+        per: power of the time that it is divided by: 1 for velocities, 2 for accelerations.
+        size: in base / s^per; 0 where it is not understood.
+    """
+
+    words: str
+    base: str
+    per: int
+    size: float
+
+
+_COUNTED = {
+    0x00: ("numbers without dimension", "", 0.0),
+    0x01: ("metres", "m", 1.0),
+    0x10: ("radians", "rad", 1.0),
+    0x40: ("gon", "rad", math.pi / 200),
+    0x41: ("degrees", "rad", math.pi / 180),
+    0x42: ("minutes of arc", "rad", math.pi / 10_800),
+    0x43: ("seconds of arc", "rad", math.pi / 648_000),
+    0xB4: ("revolutions", "rad", 2 * math.pi),
+    0xB5: ("increments", INCREMENT, 1.0),
+    0xC0: ("revolutions per minute", "", 0.0),
+    0xC1: ("inches", "", 0.0),
+}
+"""What is counted: words, base, SI value."""
+
+_TIMES = {
+    0x00: ("", 0, 1.0),
+    0x03: ("second", 1, 1.0),
+    0x47: ("minute", 1, 60.0),
+    0x48: ("hour", 1, 3600.0),
+    0x57: ("second squared", 2, 1.0),
+    0xA0: ("second cubed", 3, 1.0),
+}
+"""What it is divided by: words, power of the time, SI value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,18 +196,38 @@ def _stated(node: Node, ref: ObjectRef) -> int | None:
         return None
 
 
+def read_unit(value: int) -> StatedUnit:
+    """The unit that a value of 0x60A8, 0x60A9 or 0x60AA states.
+
+    Args:
+        value: 32 bits, with or without sign.
+    """
+    value &= 0xFFFFFFFF
+    prefix, counted, time, rest = value.to_bytes(4, "big")
+    power = prefix - 256 if prefix > 127 else prefix
+    words, base, size = _COUNTED.get(counted, (f"an unknown unit 0x{counted:02X}", "", 0.0))
+    by, per, seconds = _TIMES.get(time, (f"an unknown unit 0x{time:02X}", 0, math.inf))
+    if power:
+        words = f"10^{power} {words}"
+    if by:
+        words = f"{words} per {by}"
+    if rest:
+        words, size = f"{words}, and 0x{rest:02X} in bits that mean nothing", 0.0
+    return StatedUnit(words, base, per, float(10.0**power) * size / seconds)
+
+
 def _size(stated: int, settings: AxisSettings, quantity: _Quantity) -> float:
     """One unit as stated [SI].
 
     Raises:
         ConfigurationError: the axis cannot use such a unit.
     """
-    found = notation.read(stated)
+    found = read_unit(stated)
     kind, base = ("rotary", "rad") if settings.rotary else ("linear", "m")
     if found.per == quantity.per and found.size > 0:
         if found.base == base:
             return found.size
-        if found.base == notation.INCREMENT and quantity is _POSITION:
+        if found.base == INCREMENT and quantity is _POSITION:
             # which increments a velocity counts, and per which time, differs from drive to drive
             return found.size * settings.encoder_increment
     raise ConfigurationError(

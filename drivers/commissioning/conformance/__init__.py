@@ -9,6 +9,6 @@ offered", a refusal with an abort code other than the standard's "differs"; neit
 from __future__ import annotations
 
 from drivers.commissioning.conformance.examination import run
-from drivers.commissioning.conformance.probe import Finding, Probe, Verdict
+from drivers.commissioning.conformance.probe import Finding, Verdict
 
-__all__ = ["Finding", "Probe", "Verdict", "run"]
+__all__ = ["Finding", "Verdict", "run"]

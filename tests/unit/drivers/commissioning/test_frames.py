@@ -32,7 +32,7 @@ def line(decoder, can_id, data):
 @pytest.mark.parametrize(
     ("can_id", "data", "expected"),
     [
-        (0x000, "8102", "y NMT: reset"),
+        (0x000, "8102", "y NMT: reset node"),
         (0x000, "0100", "all NMT: start"),
         (0x000, "01", "all NMT: 01"),
         (0x080, "", "all SYNC: "),
