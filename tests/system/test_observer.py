@@ -193,7 +193,7 @@ def test_what_the_bus_does_is_not_answered_by_force(run, machine, tmp_path, faul
     recipe = tmp_path / "ten-sites.yaml"
     recipe.write_text(RECIPE.read_text().replace("count: [5, 4]", "count: [5, 2]"))
     off, on = [], []
-    for seed in range(1, 4):  # where in a move frames are late or lost is chance
+    for seed in range(1, 7):  # where in a move frames are late or lost is chance
         faults = parse_faults(f"faults: [{fault}]", "faults", machine, 6 + seed)
         for results, observer in ((off, False), (on, True)):
             results.append(
