@@ -13,7 +13,6 @@ from stagedata.recording import (
     FloatArray,
     Move,
     Recording,
-    StatusArray,
     aligned_demand,
 )
 from stagedata.samples import Samples
@@ -30,6 +29,5 @@ __all__ = [
     "Move",
     "Recording",
     "Samples",
-    "StatusArray",
     "aligned_demand",
 ]

@@ -1,6 +1,6 @@
 """Compiled kernels for a wheel: those that a run and a diagnosis of it use.
 
-They are compiled for the processor that `stagedata.compiled.target` chooses, and used where the
+They are compiled for the processor that `stagedata.compiled.kernels` chooses, and used where the
 versions of Python and numba are those of the build; elsewhere kernels are compiled on first use.
 """
 

@@ -28,18 +28,16 @@ class InjectedFault:
     Attributes:
         fault: as planned.
         count: occurrences.
-        first_ns, last_ns: time of the first and the last one [ns]; -1 before the first.
+        first_ns: time of the first one [ns]; -1 before it.
     """
 
     fault: f.Fault
     count: int = 0
     first_ns: int = -1
-    last_ns: int = -1
 
     def note(self, now_ns: int) -> None:
         """Count an occurrence."""
         self.count += 1
-        self.last_ns = now_ns
         if self.first_ns < 0:
             self.first_ns = now_ns
 

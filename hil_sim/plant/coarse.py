@@ -3,8 +3,8 @@
 The reference integrates in steps of Tc/5 (semi-implicit Euler). Only the current loop needs steps
 that short, and its response to a constant input has a closed form. The coarse step of length h = Tc
 replaces n = 5 fine ones: the motor force enters by the sums that the fine steps would make
-(`coarse_weights`); friction and the other forces, which change little, enter as a straight line
-from the step's start to its end:
+(`ports.current_loop.motor_weights`); friction and the other forces, which change little, enter as a
+straight line from the step's start to its end:
 
     x1 - x0 = h (v0 + h/m (F_x - R0 (n + 1)/(2n))),   v1 - v0 = h/m (F_v - R0 - c (R1 - R0))
 

@@ -1,23 +1,14 @@
 """How the kernels of all packages are compiled, and where they are kept.
 
-- `kernels`: the decorator;
+- `kernels`: the decorator, and the processor they are compiled for;
 - `libraries`: from kernels to machine code, one optimisation for each entry point;
-- `cache`, `stamp`: kept on disk, judged by content;
-- `target`: the processor they are compiled for.
+- `cache`, `stamp`: kept on disk, judged by content.
 
 Loads numba; nothing else of `stagedata` does.
 """
 
 from stagedata.compiled.cache import SHIPPED, on_compiling
 from stagedata.compiled.folder import kernel_folder
-from stagedata.compiled.kernels import Kernel, KernelByType, kernel, machine_code
+from stagedata.compiled.kernels import KernelByType, kernel, machine_code
 
-__all__ = [
-    "SHIPPED",
-    "Kernel",
-    "KernelByType",
-    "kernel",
-    "kernel_folder",
-    "machine_code",
-    "on_compiling",
-]
+__all__ = ["SHIPPED", "KernelByType", "kernel", "kernel_folder", "machine_code", "on_compiling"]

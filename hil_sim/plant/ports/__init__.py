@@ -3,7 +3,3 @@
 `port_arrays` writes the figures of effects into `records`, with the weights of `current_loop`;
 `disturbances` evaluates them while the plant is integrated.
 """
-
-from hil_sim.plant.ports.port_arrays import build_ports
-
-__all__ = ["build_ports"]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.plant.coarse_weights import motor_weights
 from hil_sim.plant.ports.records import Arena
 
 F64 = NDArray[np.float64]
@@ -60,7 +59,7 @@ def _shares_before(step: float, decay: float, count: int) -> F64:
 
 
 def write_coarse_weights(record: np.void, ports: EffectPorts, period: float, fine: float) -> None:
-    """Write the weights of coarse steps (`hil_sim.plant.coarse_weights`).
+    """Write the weights of coarse steps (`motor_weights`).
 
     Args:
         record: of the axis.
@@ -83,3 +82,28 @@ def _coarse_weights(ports: EffectPorts, period: float, fine: int) -> F64:
     ticks = ports.delay / period
     step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
     return motor_weights(decay, _shares_before(step, decay, fine))
+
+
+def motor_weights(decay: float, share: F64) -> F64:
+    """Weights by which outputs and initial force make up the motor force in one coarse step.
+
+    A coarse step is one of `hil_sim.plant.coarse`.
+
+    Args:
+        decay: 2 pi bandwidth times the fine step.
+        share: weight of the earlier output in each fine step, float64[n].
+
+    Returns:
+        float64[3, 2]: rows for the force at the end, its mean in the velocity and its mean in the
+        displacement; columns for the earlier output and the force at the start. The present output
+        has the remaining weight, to 1 or, for the displacement, to (n + 1)/(2n).
+    """
+    count = len(share)
+    gain = 1.0 - math.exp(-decay)
+    end = np.array([0.0, 1.0])
+    velocity, displacement = np.zeros(2), np.zeros(2)
+    for i, before in enumerate(share):
+        end = end + gain * (np.array([before, 0.0]) - end)
+        velocity += end / count
+        displacement += end * (count - i) / count**2
+    return np.array([end, velocity, displacement])

@@ -56,7 +56,7 @@ PORT_FIELDS = [
     ("delay_ticks", "i8"),
     ("delay_share", "i8"),
     ("coupling", "i8"),
-    ("end_old", "f8"),  # of a coarse step: `coarse_weights`
+    ("end_old", "f8"),  # of a coarse step: `current_loop`
     ("end_start", "f8"),
     ("mean_old", "f8"),
     ("mean_start", "f8"),

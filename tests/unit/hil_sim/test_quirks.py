@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim import Quirks, StageSettings, simulate
-from hil_sim.quirks import OddPosition
+from hil_sim.plant import simulate
+from hil_sim.quirks import OddPosition, Quirks
+from hil_sim.settings import StageSettings
 from tests.unit.hil_sim.inputs import smooth_demand
 
 PERMILLE = 0.04

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import pytest
 
-from stagedata.compiled import Kernel
+from stagedata.compiled.kernels import Kernel
 from stagedata.compiled.stamp import stamp
 
 SOURCE = '''
