@@ -15,10 +15,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.observer import DriveLoop
 from estimation.trajectory import Trajectory
 from estimation.trajectory_samples import sample_pieces
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 

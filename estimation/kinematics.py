@@ -7,7 +7,7 @@ sliding until its position has turned.
 
 from __future__ import annotations
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 REVERSAL_BAND = 3e-9
 """Motion back by this much is a reversal [m] ..."""

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 
 @kernel()

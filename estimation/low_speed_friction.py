@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel, machine_code
 from estimation.move import MoveData
 from estimation.move_group import GROUPS, move_group
 from estimation.sampled_force import slope
+from stagedata.compiled import kernel, machine_code
 
 F64 = NDArray[np.float64]
 

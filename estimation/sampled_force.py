@@ -18,7 +18,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction import (
     F64,
     REST_BAND,
@@ -31,6 +30,7 @@ from estimation.friction import (
 )
 from estimation.move import MoveData
 from stagedata import FrictionFigures
+from stagedata.compiled import kernel
 
 SMOOTH = 1.0 / 12.0
 """Of the second difference, where there is no kink."""

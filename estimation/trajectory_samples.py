@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 
 @kernel()

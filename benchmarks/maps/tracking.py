@@ -16,7 +16,8 @@ from collections import Counter
 import numpy as np
 
 from benchmarks.shared.machine_facts import machine_facts
-from estimation.field import SiteTracker, TrackingSettings, false_alarm_rate
+from estimation.field import SiteTracker, TrackingSettings
+from estimation.field.change import false_alarm_rate
 
 SITES, EVERY, MAP, SHOWN = 20, 0.35, 0.01, 0.004
 

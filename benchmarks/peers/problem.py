@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from estimation.friction import (
     REST_BAND,
-    Figures,
     FrictionState,
     count_states,
     follow,
@@ -29,17 +28,11 @@ from estimation.friction import (
     make_constants,
 )
 from estimation.friction import follow_positions as follow_elements
+from estimation.friction.law import Figures
 from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.online import (
-    SLIDE,
-    STICK,
-    BeliefSettings,
-    Estimate,
-    EstimatorSettings,
-    SplitHorizonEstimator,
-    split,
-)
+from estimation.online import BeliefSettings, Estimate, EstimatorSettings, SplitHorizonEstimator
+from estimation.online.solver.zones import SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

@@ -1,7 +1,6 @@
 """Friction laws, their state, and the friction force along a path."""
 
 from estimation.friction.coulomb_variation import (
-    follow_varying,
     level_with_target,
     state_after,
     varying_feedforward,
@@ -17,9 +16,8 @@ from estimation.friction.follow import (
     steps_within,
 )
 from estimation.friction.gms import element_shares
-from estimation.friction.law import F64, Figures, FrictionLaw
+from estimation.friction.law import F64
 from estimation.friction.model import (
-    LAWS,
     FrictionState,
     breakaway_travel,
     count_states,
@@ -29,18 +27,14 @@ from estimation.friction.model import (
 
 __all__ = [
     "F64",
-    "LAWS",
     "REST_BAND",
     "SUBSTEPS",
-    "Figures",
-    "FrictionLaw",
     "FrictionState",
     "breakaway_travel",
     "count_states",
     "element_shares",
     "follow",
     "follow_positions",
-    "follow_varying",
     "friction_feedforward",
     "kernel_figures",
     "level_with_target",

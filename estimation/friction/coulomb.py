@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.law import BY_ALPHA, BY_COULOMB, BY_REST, BY_TURN, FORCE, ROWS
+from stagedata.compiled import kernel
 
 
 class Constants(NamedTuple):

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.follow import follow_positions
 from estimation.friction.law import F64
 from estimation.friction.model import FrictionState, kernel_figures, make_constants
 from estimation.trajectory import Trajectory
 from estimation.trajectory_samples import sample_pieces
 from stagedata import FrictionFigures
+from stagedata.compiled import kernel
 
 _STEPS = 5  # of the friction model per sample
 

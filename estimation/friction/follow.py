@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.law import (
     BY_COULOMB,
     BY_RATE,
@@ -26,6 +25,7 @@ from estimation.friction.law import (
 )
 from estimation.friction.model import FrictionState, kernel_figures, make_constants
 from stagedata import FrictionFigures
+from stagedata.compiled import kernel
 
 REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""

@@ -23,7 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.law import (
     BY_ALPHA,
     BY_COULOMB,
@@ -37,6 +36,7 @@ from estimation.friction.law import (
     ROWS,
 )
 from stagedata import MAX_ELEMENTS
+from stagedata.compiled import kernel
 
 # The map of all elements since they all slip: share kept K; gain G [N]; derivative of G by Fc; and
 # of both by C/Fc and alpha.

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import KernelByType, kernel
+from stagedata.compiled import KernelByType, kernel
 
 F64 = NDArray[np.float64]
 

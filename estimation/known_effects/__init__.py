@@ -5,15 +5,12 @@ are the host's own, and share nothing with the simulator's.
 """
 
 from estimation.known_effects.coulomb import coulomb_factor, directions
-from estimation.known_effects.figures import known_figures
-from estimation.known_effects.forces import ForceState, KnownForces, Path
+from estimation.known_effects.forces import KnownForces, Path
 from estimation.known_effects.motor import delivered_force, force_to_demand
-from estimation.known_effects.terms import F64, Base, KnownTerms
+from estimation.known_effects.terms import F64, KnownTerms, known_figures
 
 __all__ = [
     "F64",
-    "Base",
-    "ForceState",
     "KnownForces",
     "KnownTerms",
     "Path",

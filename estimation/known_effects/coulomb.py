@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.known_effects.terms import F64, KnownTerms
+from stagedata.compiled import kernel
 
 TURN_BAND = 4e-9
 """A way back of this much is another direction: a few times the encoder noise [m]."""

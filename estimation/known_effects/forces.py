@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.known_effects.terms import F64, KnownTerms
 from stagedata import FrictionFigures
+from stagedata.compiled import kernel
 
 
 class Path(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -99,3 +99,15 @@ class KnownTerms:
     def has_coulomb_factor(self) -> bool:
         """Whether Fc differs from place to place, in time, or between the directions."""
         return bool(self.table_factors or self.time_factors or self.forward != self.backward)
+
+
+def known_figures(terms: KnownTerms, friction: FrictionFigures) -> FrictionFigures:
+    """The figures with known ratios; C/Fc stays, and what the law does not have stays 0."""
+    alpha = friction.static_ratio if terms.static_ratio is None else terms.static_ratio
+    return replace(
+        friction,
+        coulomb=friction.coulomb * terms.coulomb,
+        viscous=friction.viscous * terms.viscous,
+        stiffness=friction.stiffness * terms.stiffness,
+        static_ratio=alpha,
+    )

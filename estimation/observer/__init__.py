@@ -18,18 +18,14 @@ from estimation.observer.feedforward_error import (
 )
 from estimation.observer.learned_feedforward import LearnedFeedforward
 from estimation.observer.loop import Carriage, DriveLoop, Mode
-from estimation.observer.measured import Margins, MeasuredLoop
+from estimation.observer.measured import MeasuredLoop
 from estimation.observer.observer import BusUnits, Finding, Kind, StageObserver
-from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE
 from estimation.observer.sticking import sticks, without_presliding
 
 __all__ = [
     "COUPLING",
-    "LATENCIES",
     "LEAD",
     "MASS",
-    "PEAK",
-    "PEAK_OVER_DRIVE",
     "AxisFigures",
     "BusUnits",
     "Carriage",
@@ -40,7 +36,6 @@ __all__ = [
     "Finding",
     "Kind",
     "LearnedFeedforward",
-    "Margins",
     "MeasuredLoop",
     "Mode",
     "StageObserver",

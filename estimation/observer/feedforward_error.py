@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import machine_code
 from estimation.observer.design import Design
 from estimation.observer.lacking_force import Figures, find_lacking
 from estimation.observer.model import LACK
+from stagedata.compiled import machine_code
 
 F64 = NDArray[np.float64]
 

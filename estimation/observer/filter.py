@@ -7,7 +7,7 @@ so the drive has seen the same error. Both are noise of that variance, and of no
 
 from __future__ import annotations
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 RAMP_FROM, RAMP_TO, KICK = range(3)
 """Vectors of a model, as in `ObserverModel`."""

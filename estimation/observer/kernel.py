@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.observer.filter import READ, predict, take_in
 from estimation.observer.made_when_sampled import made_when_sampled
 from estimation.observer.model import LACK
@@ -26,6 +25,7 @@ from estimation.observer.watch import (
     WATCHING,
     watch,
 )
+from stagedata.compiled import kernel
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
 """Columns of a sample: [increments], [1/1000 rated], 1 or 0, time of its frame after SYNC [ns]."""

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.observer.made_when_sampled import made_when_sampled
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 

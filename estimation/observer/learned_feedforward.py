@@ -15,10 +15,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel, machine_code
 from estimation.least_squares import cholesky_inverse
 from estimation.move_group import GROUPS, move_group
 from estimation.observer.feedforward_error import SCALE, FeedforwardError
+from stagedata.compiled import kernel, machine_code
 
 F64 = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """How far a motion has got between two setpoints when the drive samples the position, compiled."""
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 
 @kernel()

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import machine_code
 from estimation.observer.design import Design
 from estimation.observer.kernel import (
     FAILED,
@@ -36,6 +35,7 @@ from estimation.observer.watch import (
     UNANSWERED,
     WATCHING,
 )
+from stagedata.compiled import machine_code
 
 I64 = NDArray[np.int64]
 F64 = NDArray[np.float64]

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.observer.design import Design, design_observer
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -29,7 +29,7 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 WATCHING, TRYING, OUT = range(3)
 """What the watchdog does with an axis: the correction acts; it is frozen, for an experiment; it is

@@ -8,28 +8,12 @@ sigma and verdict of each figure, and `held_out` compares estimates with their p
 were left out.
 """
 
-from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
 from estimation.offline.identify import (
     Figure,
     Identification,
     OfflineSettings,
     identify,
 )
-from estimation.offline.records import Samples, joined
-from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
+from estimation.offline.records import Samples
 
-__all__ = [
-    "BETTER",
-    "BOUND",
-    "ESTIMATED",
-    "NO_BETTER",
-    "PRIOR",
-    "UNTESTED",
-    "WORSE",
-    "Figure",
-    "Identification",
-    "OfflineSettings",
-    "Samples",
-    "identify",
-    "joined",
-]
+__all__ = ["Figure", "Identification", "OfflineSettings", "Samples", "identify"]

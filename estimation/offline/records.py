@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.friction import F64
 from estimation.kinematics import differences
+from stagedata.compiled import kernel
 
 BLOCK = 0.25
 """A block ends at the first rest after this time [s] ..."""

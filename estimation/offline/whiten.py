@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction import F64
+from stagedata.compiled import kernel
 
 
 class NoiseVariance(NamedTuple):

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.online.belief import COULOMB, LAG, LEVEL, MASS, STATES
 from estimation.online.outcome import (
     ACCEPTED,
@@ -32,6 +31,7 @@ from estimation.online.outcome import (
     STILL,
     UNSOLVED,
 )
+from stagedata.compiled import kernel
 
 MOSTLY = 0.25
 """A move is rejected if its force was undisturbed in less than this share of the motion."""

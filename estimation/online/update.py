@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.friction.law import F64, correct
 from estimation.online.belief import (
     ALPHA,
@@ -41,6 +40,7 @@ from estimation.online.settings import CALM, SHORT, USUAL
 from estimation.online.solver.prepare import prepare
 from estimation.online.solver.residual import AtRest, follow_move
 from estimation.online.solver.solve import FAILED, SOLVED, Problem, Solution, model_variance, solve
+from stagedata.compiled import kernel
 
 
 class State(NamedTuple):

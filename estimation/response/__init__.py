@@ -6,12 +6,7 @@ closed form what an axis with given figures would answer, and `fit` finds the fi
 
 from estimation.response.excitation import Excitation, Shaken, make_excitation
 from estimation.response.fit import Fitted, fit
-from estimation.response.frequency_response import (
-    AxisResponse,
-    FrequencyResponse,
-    between,
-    evaluate,
-)
+from estimation.response.frequency_response import AxisResponse, FrequencyResponse, evaluate
 from estimation.response.sampled_loop import Clocking, Figures, Lines, Resonance
 
 __all__ = [
@@ -24,7 +19,6 @@ __all__ = [
     "Lines",
     "Resonance",
     "Shaken",
-    "between",
     "evaluate",
     "fit",
     "make_excitation",

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
 from estimation.online.belief.belief import COULOMB, FORCE, LEVEL, MASS, STATES, Belief
+from stagedata.compiled import kernel
 
 MOST_KNOTS = 6
 UNMODELLED_DRIFT = 0.3

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 MODEL_ERROR, WANDER, UNMODELLED = range(3)
 """Places of their weights."""

@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
 from estimation.online.belief.arrival_cost import copy
 from estimation.online.belief.belief import MASS
+from stagedata.compiled import kernel
 
 
 @kernel()

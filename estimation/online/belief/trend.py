@@ -21,8 +21,8 @@ import math
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.online.belief.belief import COULOMB, BeliefSettings
+from stagedata.compiled import kernel
 
 RATE, LASTING = 0.05, 10.0
 """Rms [1/s] and correlation time [s] of the rate, where there is a drift: guides and grease warm up

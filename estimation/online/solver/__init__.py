@@ -3,8 +3,3 @@
 `prepare` (samples to kinematics), `zones` and `onset` (what the positions show), `residual` and
 `whitening` with `shared_rounding` (rows and their weights), `solve`.
 """
-
-from estimation.online.solver.solve import Problem, Solution
-from estimation.online.solver.zones import REST, SLIDE, STICK, split
-
-__all__ = ["REST", "SLIDE", "STICK", "Problem", "Solution", "split"]

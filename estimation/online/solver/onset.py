@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from estimation.compiled import kernel
 from estimation.friction.law import stick_range
 from estimation.online.belief import COULOMB, MASS, STIFFNESS, VISCOUS
 from estimation.online.solver.zones import REST, SLIDE
+from stagedata.compiled import kernel
 
 
 @kernel()

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.law import (
     BY_ALPHA,
     BY_COULOMB,
@@ -55,6 +54,7 @@ from estimation.online.belief import (
     TURN_FORCE,
     VISCOUS,
 )
+from stagedata.compiled import kernel
 
 SUBSTEPS = 4
 """Steps of the friction law per sample period, up to `NO_SUBSTEPS` Stribeck velocities."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 LONG, LONGER, STRIDE = 8, 24, 4
 """More samples than LONG in one code are no coincidence, nor LONGER in two; searched every STRIDE

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.compiled import kernel
 from estimation.friction.law import F64
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.online.belief import (
@@ -50,6 +49,7 @@ from estimation.online.solver.whitening import (
     whiten,
 )
 from estimation.online.solver.zones import REST, SLIDE
+from stagedata.compiled import kernel
 
 LEVEL_BOUND = 0.6
 """Largest level at a knot, either way."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
 from estimation.friction import breakaway_travel
 from estimation.kinematics import differences, find_turns
 from stagedata import FrictionFigures
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import LAWS, FrictionState, count_states, follow, make_constants
+from estimation.friction import FrictionState, count_states, follow, make_constants
+from estimation.friction.model import LAWS
 from estimation.online import EstimatorSettings
 from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, MASS, RESIDUAL, VISCOUS
 from estimation.online.solver.prepare import Sampled, prepare

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from estimation.known_effects import Base, KnownForces, KnownTerms, Path, directions
+from estimation.known_effects import KnownForces, KnownTerms, Path, directions
+from estimation.known_effects.terms import Base
 from stagedata import FrictionFigures
 
 TS = 1e-3

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.offline import BETTER, ESTIMATED, NO_BETTER, UNTESTED, WORSE, identify
+from estimation.offline import identify
+from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
+from estimation.offline.uncertainty import ESTIMATED
 from tests.unit.estimation.offline.test_identify import BELIEVED, SETTINGS, TS, drive
 
 LOOSE = replace(SETTINGS, misfit=50.0)

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from estimation.offline import BETTER, ESTIMATED, NO_BETTER, UNTESTED, WORSE, Figure, Identification
+from estimation.offline import Figure, Identification
+from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
+from estimation.offline.uncertainty import ESTIMATED
 from stagectl.cli import cli
 from stagectl.cli.identify import _for_machine_file, _machine_values
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from estimation.known_effects import Base, KnownTerms
+from estimation.known_effects import KnownTerms
+from estimation.known_effects.terms import Base
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.sequencer.compensation.known_axis import SAMPLES_BEFORE_MOVE, KnownAxis
