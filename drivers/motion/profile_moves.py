@@ -12,7 +12,7 @@ from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Control, Status
 from drivers.errors import AxisFault, ConfigurationError, NodeError
-from drivers.motion.limits import checked_profile
+from drivers.motion.limits import Setpoint, checked_profile
 from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
@@ -48,6 +48,12 @@ class _Course:
         self.queued = False
 
     @property
+    def start(self) -> float:
+        """Where the next setpoint begins: the last target, at first the actual position [m]."""
+        counts = self.channel.position if self.end is None else self.end
+        return counts * self.channel.axis.scale.increment
+
+    @property
     def is_done(self) -> bool:
         """Whether the drive reports the target reached, and the axis is at it."""
         if self.end is None:
@@ -56,6 +62,16 @@ class _Course:
         near = max(NEAR, settings.position_window) / channel.axis.scale.increment
         reached = bool(channel.valid and channel.statusword & Status.TARGET_REACHED)
         return reached and abs(channel.position - self.end) <= near
+
+    def take(self, setpoint: Setpoint, velocity: float, acceleration: float, queued: bool) -> None:
+        """Notes a setpoint that the drive has taken [m/s, m/s^2], and how long it may take."""
+        way = abs(setpoint.end - self.channel.position) * self.channel.axis.scale.increment
+        turning = 2 * self.velocity / acceleration + self.velocity**2 / (acceleration * velocity)
+        moving = way / velocity + setpoint.duration + turning
+        seconds = self.slower * moving + SETTLING_TIMEOUT
+        self.seconds = self.seconds + seconds if queued else seconds
+        self.end, self.queued = setpoint.end, queued
+        self.velocity, self.acceleration = velocity, acceleration
 
 
 class ProfileMoves:
@@ -89,7 +105,7 @@ class ProfileMoves:
         queued: bool = False,
         passing: bool = False,
     ) -> None:
-        """Hands over one target; returns when the drive has taken it (long: half is documentation).
+        """Hands over one target; returns when the drive has taken it.
 
         Without `queued` the target takes effect at once and replaces all earlier ones.
 
@@ -114,21 +130,18 @@ class ProfileMoves:
         channel = course.channel
         speed = self._velocity if velocity is None else velocity
         rate = self._acceleration if acceleration is None else acceleration
-        increment = channel.axis.scale.increment
-        start = (channel.position if course.end is None else course.end) * increment
-        settings = channel.axis.settings
         queued = (queued or passing) and course.end is not None
         full = course.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
-        if (
-            relative and full and not queued
-        ):  # drives differ in which of two targets they count from
-            position, relative = start + position, False
-        (setpoint,) = checked_profile(settings, start, [position], speed, rate, relative)
+        if relative and full and not queued:
+            # drives differ in which of two targets they count from
+            position, relative = course.start + position, False
+        (setpoint,) = checked_profile(
+            channel.axis.settings, course.start, [position], speed, rate, relative
+        )
         if relative:
             _check_base(channel)
         if (speed, rate) != (course.velocity, course.acceleration):
             course.slower = channel.axis.set_profile(speed, rate)
-        turning = 2 * course.velocity / rate + course.velocity**2 / (rate * speed)
         bits = 0 if queued else int(Control.CHANGE_IMMEDIATELY)
         if passing and queued:
             bits |= int(Control.CHANGE_ON_SETPOINT)
@@ -138,15 +151,7 @@ class ProfileMoves:
             self._cycle, channel, setpoint, bits, HANDSHAKE_TIMEOUT + course.seconds,
             replace=full and not queued,
         )  # fmt: skip
-        own = abs(setpoint.end * increment - channel.position * increment) / speed
-        own = course.slower * (own + setpoint.duration + turning) + SETTLING_TIMEOUT
-        course.seconds = course.seconds + own if queued else own
-        course.end, course.queued, course.velocity, course.acceleration = (
-            setpoint.end,
-            queued,
-            speed,
-            rate,
-        )
+        course.take(setpoint, speed, rate, queued)
 
     def run(self, duration: float) -> None:
         """Keeps the moves going for `duration` [s].
