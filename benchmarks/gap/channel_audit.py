@@ -21,7 +21,8 @@ from scipy.interpolate import CubicSpline
 
 from hil_sim.effects.library import library, possible_on
 from hil_sim.plant import simulate
-from sim2real.audit import Audit, audit_channels
+from sim2real.audit import audit_channels
+from sim2real.audit.channels import Audit
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 from stagedata import Recording

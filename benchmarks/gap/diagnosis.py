@@ -27,9 +27,12 @@ from scipy.optimize import least_squares
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.blind import Drawn, Key, build_stage, draw_base, draw_demands, record_stage
+from sim2real.blind.draw import Drawn, Key, build_stage, draw_base
+from sim2real.blind.moves import draw_demands
+from sim2real.blind.stage import record_stage
 from sim2real.diagnosis import Examination, diagnose, examine
-from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinates
+from sim2real.fitting import STEP, AxisModel, Term, coordinates
+from sim2real.fitting.coordinates import from_coordinates
 from sim2real.gap import Measured
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.settings.package_settings import stage_settings

@@ -22,7 +22,8 @@ from scipy.optimize import minimize
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.diagnosis import Examination, diagnose, examine, report_without_causes
+from sim2real.diagnosis import Examination, diagnose, examine
+from sim2real.diagnosis.examination import report_without_causes
 from sim2real.fitting import BASE, AxisModel
 from sim2real.free_loop import FreeLoop, FreeSearch
 from sim2real.gap import gap_closed, measure_gap

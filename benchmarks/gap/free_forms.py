@@ -16,7 +16,7 @@ from collections import defaultdict
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hil_sim.effects.library import library
-from sim2real.attribution import fit_friction_profile
+from sim2real.attribution.friction_profile import fit_friction_profile
 from sim2real.blind import Setup, draw_trial
 from sim2real.diagnosis import examine
 from stagectl.config.machine.file import load_machine

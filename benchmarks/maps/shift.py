@@ -48,7 +48,8 @@ from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.history import RunEntry, StageKey, open_history
 from stagectl.maps import build_map, load_active, to_json
-from stagectl.recipe import Recipe, load_recipe, make_fiducial, plan
+from stagectl.recipe import Recipe, load_recipe, make_fiducial
+from stagectl.recipe.plan import plan
 from stagectl.run import RunHistory, software_version
 from stagectl.sequencer import (
     AxisCompensation,

@@ -15,7 +15,8 @@ import numpy as np
 from hil_sim.effects.effect import Effect
 from sim2real.diagnosis import Examination
 from sim2real.fitting import STEP, AxisModel, Term, coordinates
-from sim2real.free_loop import FreeLoop, fit_free, least_squares_covariance
+from sim2real.free_loop import FreeLoop
+from sim2real.free_loop.fit import fit_free, least_squares_covariance
 
 FIXED_LIST = (
     "payload_mass", "force_constant", "coulomb_level", "viscous_damping", "cable_stiffness",

@@ -13,7 +13,6 @@ from sim2real.attribution.alternatives import of_size
 from sim2real.attribution.axis_search import AxisResult, AxisSearch, drop_invisible, measure_closed
 from sim2real.attribution.causes import find_causes, list_candidates
 from sim2real.attribution.free_form import FreeFormTest, FrictionOverPosition
-from sim2real.attribution.friction_profile import fit_friction_profile, stop_operators
 from sim2real.attribution.search import search_effects
 from sim2real.attribution.shape_check import fit_repeats, free_form_repeat, is_one_profile
 from sim2real.attribution.similarity import Pairs, signature_similarity
@@ -26,7 +25,6 @@ __all__ = [
     "Pairs",
     "drop_invisible",
     "find_causes",
-    "fit_friction_profile",
     "fit_repeats",
     "free_form_repeat",
     "is_one_profile",
@@ -35,5 +33,4 @@ __all__ = [
     "of_size",
     "search_effects",
     "signature_similarity",
-    "stop_operators",
 ]

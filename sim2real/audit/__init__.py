@@ -6,28 +6,18 @@ recomputes the force that the drive must have commanded, `law_hypotheses` finds 
 error that explains the difference, and `corrections` removes it from the recording.
 """
 
-from sim2real.audit.channels import (
-    UNCORRECTABLE,
-    Audit,
-    audit_channels,
-    delay_finding,
-    mark_applied,
-)
-from sim2real.audit.controller_law import reconstruct_law
-from sim2real.audit.corrections import remove_delay, rescale
+from sim2real.audit.channels import UNCORRECTABLE, audit_channels, delay_finding, mark_applied
+from sim2real.audit.corrections import remove_delay
 from sim2real.audit.sample_repair import repair_samples
 from sim2real.audit.signal_checks import check_quantisation, check_time
 
 __all__ = [
     "UNCORRECTABLE",
-    "Audit",
     "audit_channels",
     "check_quantisation",
     "check_time",
     "delay_finding",
     "mark_applied",
-    "reconstruct_law",
     "remove_delay",
     "repair_samples",
-    "rescale",
 ]

@@ -7,13 +7,7 @@ result on recordings that took no part, and `clock` says when each recording beg
 """
 
 from sim2real.diagnosis.clock import continue_clock
-from sim2real.diagnosis.examination import (
-    PHASES,
-    Examination,
-    Progress,
-    examine,
-    report_without_causes,
-)
+from sim2real.diagnosis.examination import PHASES, Examination, Progress, examine
 from sim2real.diagnosis.other_recordings import examine_others, judge_elsewhere
 from sim2real.diagnosis.procedure import diagnose
 from sim2real.diagnosis.verdict import Diagnosis
@@ -28,5 +22,4 @@ __all__ = [
     "examine",
     "examine_others",
     "judge_elsewhere",
-    "report_without_causes",
 ]

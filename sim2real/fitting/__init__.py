@@ -25,7 +25,6 @@ from sim2real.fitting.coordinates import (
     coordinate,
     coordinates,
     effect_coordinates,
-    from_coordinates,
     with_coordinates,
 )
 from sim2real.fitting.gauss_newton import fit
@@ -56,7 +55,6 @@ __all__ = [
     "coordinates",
     "effect_coordinates",
     "fit",
-    "from_coordinates",
     "implausibility",
     "invert_scaled",
     "is_coulomb_drift",

@@ -6,17 +6,8 @@ the recording. Where a model is incomplete, values that fit one-step innovations
 where to start each effect, and `search` selects up to six, judged on held-out moves.
 """
 
-from sim2real.free_loop.fit import FreeFit, fit_free, least_squares_covariance, move_covariance
+from sim2real.free_loop.fit import FreeFit, move_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.free_loop.search import FreeSearch, fit_figures, search_free
 
-__all__ = [
-    "FreeFit",
-    "FreeLoop",
-    "FreeSearch",
-    "fit_figures",
-    "fit_free",
-    "least_squares_covariance",
-    "move_covariance",
-    "search_free",
-]
+__all__ = ["FreeFit", "FreeLoop", "FreeSearch", "fit_figures", "move_covariance", "search_free"]

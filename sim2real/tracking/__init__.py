@@ -4,25 +4,14 @@
 the linearised error model that its covariance and gains come from.
 """
 
-from sim2real.tracking.error_states import (
-    STATES,
-    Gains,
-    discretise,
-    fill_rate_matrix,
-    innovation_response,
-    propagate_covariance,
-)
+from sim2real.tracking.error_states import Gains, innovation_response
 from sim2real.tracking.tracker import Track, Tracker, needs_other_axes, require_presliding
 
 __all__ = [
-    "STATES",
     "Gains",
     "Track",
     "Tracker",
-    "discretise",
-    "fill_rate_matrix",
     "innovation_response",
     "needs_other_axes",
-    "propagate_covariance",
     "require_presliding",
 ]

@@ -6,32 +6,24 @@
 
 from stagectl.measurement.document import (
     SUFFIX,
-    Identity,
-    MeasuredAxis,
     Measurement,
     load_measurement,
     parse_measurement,
     response_path,
 )
-from stagectl.measurement.experiment import AxisBounds, Experiment
 from stagectl.measurement.findings import AxisFindings, find_contradictions
-from stagectl.measurement.procedure import identify, measure_on_bus, measure_stage
+from stagectl.measurement.procedure import identify, measure_on_bus
 from stagectl.measurement.simulated import measure_simulated, measure_virtual_stage
 
 __all__ = [
     "SUFFIX",
-    "AxisBounds",
     "AxisFindings",
-    "Experiment",
-    "Identity",
-    "MeasuredAxis",
     "Measurement",
     "find_contradictions",
     "identify",
     "load_measurement",
     "measure_on_bus",
     "measure_simulated",
-    "measure_stage",
     "measure_virtual_stage",
     "parse_measurement",
     "response_path",

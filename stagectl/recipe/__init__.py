@@ -11,7 +11,6 @@ from stagectl.recipe.plan import (
     MarkedStep,
     MoveStep,
     count_segments,
-    plan,
     plan_from,
 )
 from stagectl.recipe.schema import Dwell, NoMark, Profile, Settle, SiteLimits
@@ -41,7 +40,6 @@ __all__ = [
     "load_recipe",
     "make_fiducial",
     "parse_recipe",
-    "plan",
     "plan_from",
     "read_sites",
 ]

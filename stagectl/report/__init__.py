@@ -5,13 +5,13 @@ one self-contained HTML file, readable offline. Those of calibrations and maps a
 of diagnoses in `gap`, which takes all of `sim2real`: nothing here imports it.
 """
 
-from stagectl.report.ending import interruption, resume_command, verdict
+from stagectl.report.ending import resume_command, verdict
 from stagectl.report.outline import Cell, Fact, Outline, Section, Table
 from stagectl.report.render import render_page, render_template
 from stagectl.report.run_comparison import compare_runs
 from stagectl.report.run_outline import friction_map_used, run_outline
 from stagectl.report.run_page import write_report
-from stagectl.report.svg import Line, Panel, Span, draw, ticks
+from stagectl.report.svg import Line, Panel, Span, draw
 from stagectl.report.terminal import Whole, print_outline, print_sections, print_table, whole
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "compare_runs",
     "draw",
     "friction_map_used",
-    "interruption",
     "print_outline",
     "print_sections",
     "print_table",
@@ -35,7 +34,6 @@ __all__ = [
     "render_template",
     "resume_command",
     "run_outline",
-    "ticks",
     "verdict",
     "whole",
     "write_report",

@@ -11,7 +11,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
-from sim2real.blind import VARIANTS
+from sim2real.blind.reserved_effects import VARIANTS
 from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
 from sim2real.gap import prepare_replay
 from sim2real.tracking import Tracker

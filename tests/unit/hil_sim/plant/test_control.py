@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.plant import simulate
 from hil_sim.settings import CascadeSettings
-from sim2real.audit import reconstruct_law
+from sim2real.audit.controller_law import reconstruct_law
 from sim2real.gap import prepare_replay
 from stagectl.config import load_machine, stage_settings
 from stagedata import AxisSignals, Recording

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim2real.attribution import stop_operators
+from sim2real.attribution.friction_profile import stop_operators
 
 
 def test_a_stop_follows_its_travel_and_slides_at_one():

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sim2real.audit import remove_delay, rescale
+from sim2real.audit import remove_delay
+from sim2real.audit.corrections import rescale
 from sim2real.findings import ChannelFinding
 from tests.unit.sim2real.audit.conftest import spoilt
 

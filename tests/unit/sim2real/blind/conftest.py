@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.settings import StageSettings
-from sim2real.blind import Key, draw_key
+from sim2real.blind.draw import Key, draw_key
 from stagectl.config import load_machine, stage_settings
 
 LIBRARY = own_effects()

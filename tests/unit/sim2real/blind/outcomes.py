@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim2real.blind import Drawn, Outcome, ReportedCause
+from sim2real.blind import Outcome
+from sim2real.blind.draw import Drawn
+from sim2real.blind.outcome import ReportedCause
 
 
 def outcome(kind: str, truth: str, reported: str, verdict: str, **more: object) -> Outcome:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hil_sim.settings import StageSettings
-from sim2real.blind import OUTSIDE, VARIANTS, build_stage, draw_key, draw_values, family_of
+from sim2real.blind.draw import build_stage, draw_key, draw_values, family_of
+from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from tests.unit.sim2real.blind.conftest import LIBRARY, TOLERANCE, drawn
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hil_sim.settings import StageSettings
-from sim2real.blind import draw_demands, moves
+from sim2real.blind import moves
+from sim2real.blind.moves import draw_demands
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import stage_settings
 

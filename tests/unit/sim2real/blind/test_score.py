@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from sim2real.blind import Outcome, calibration_bins, is_wrong, score_outcomes, write_page
+from sim2real.blind import Outcome, is_wrong, score_outcomes, write_page
+from sim2real.blind.score import calibration_bins
 from tests.unit.sim2real.blind.outcomes import outcome
 
 

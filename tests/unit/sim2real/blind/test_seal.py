@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.blind import key_digest, key_json, seal_key
+from sim2real.blind.seal import key_digest, key_json, seal_key
 from tests.unit.sim2real.blind.conftest import drawn
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.plant.simulate import simulate_variants
-from sim2real.blind import UNLISTED, UNLISTED_VARIANTS
+from sim2real.blind.unlisted_effects import UNLISTED, UNLISTED_VARIANTS
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hil_sim.plant import simulate
-from sim2real.diagnosis import examine, report_without_causes
-from sim2real.diagnosis.examination import why_insufficient
+from sim2real.diagnosis import examine
+from sim2real.diagnosis.examination import report_without_causes, why_insufficient
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from sim2real.diagnosis import (
-    Diagnosis,
-    continue_clock,
-    examine,
-    judge_elsewhere,
-    report_without_causes,
-)
+from sim2real.diagnosis import Diagnosis, continue_clock, examine, judge_elsewhere
+from sim2real.diagnosis.examination import report_without_causes
 from sim2real.findings import Cause, SelectionStep
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from tests.unit.sim2real.conftest import stage_with

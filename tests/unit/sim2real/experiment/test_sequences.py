@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim2real.experiment import Reach, candidate_sequences, repeat_moves, setpoints
+from sim2real.experiment.sequences import Reach, candidate_sequences, repeat_moves, setpoints
 from stagectl.config import load_machine, stage_settings
 
 REACH = {"x": Reach(-0.05, 0.06, 0.4, 3.0), "y": Reach(-0.02, 0.03, 0.4, 3.0)}

@@ -6,8 +6,8 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.fitting import Term, coordinates, from_coordinates
-from sim2real.fitting.coordinates import to_coordinates
+from sim2real.fitting import Term, coordinates
+from sim2real.fitting.coordinates import from_coordinates, to_coordinates
 from stagedata import Recording
 
 

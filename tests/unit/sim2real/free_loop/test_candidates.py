@@ -6,8 +6,9 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.free_loop import FreeLoop, fit_free
+from sim2real.free_loop import FreeLoop
 from sim2real.free_loop.candidates import FreeDictionary
+from sim2real.free_loop.fit import fit_free
 from sim2real.gap import compare_with_model
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with

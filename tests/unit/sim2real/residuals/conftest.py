@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim2real.phases import REST, SETTLING, split_phases
-from sim2real.residuals import Course
+from sim2real.residuals.course import Course
 
 PERIOD = 1e-3
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim2real.residuals import average_over_plane
+from sim2real.residuals.plane import average_over_plane
 
 
 def test_cells_hold_the_mean_of_what_passed_through_them(with_residual):

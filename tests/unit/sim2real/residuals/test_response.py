@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sim2real.residuals import estimate_response
+from sim2real.residuals.response import estimate_response
 
 PERIOD = 1e-3
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim2real.residuals import average_reversals
-from sim2real.residuals.reversal import REACH
+from sim2real.residuals.reversal import REACH, average_reversals
 from tests.unit.sim2real.residuals.conftest import course_of
 
 MASS, COULOMB, REACHED = 8.0, 6.0, 20e-6

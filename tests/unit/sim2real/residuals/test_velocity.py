@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim2real.residuals import average_over_velocity
+from sim2real.residuals.velocity import average_over_velocity
 
 
 def test_signed_means_tell_offset_coulomb_and_viscous_friction(with_residual):

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from sim2real.gap import compare_with_model
-from sim2real.residuals import gather_course, residuals_json, view_residuals
+from sim2real.residuals import residuals_json, view_residuals
+from sim2real.residuals.course import gather_course
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 

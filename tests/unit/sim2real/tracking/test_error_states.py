@@ -3,7 +3,12 @@
 import numpy as np
 from scipy.linalg import expm
 
-from sim2real.tracking import STATES, discretise, fill_rate_matrix, propagate_covariance
+from sim2real.tracking.error_states import (
+    STATES,
+    discretise,
+    fill_rate_matrix,
+    propagate_covariance,
+)
 
 MASS = 12.0
 

@@ -2,7 +2,8 @@
 
 from stagectl.calibration import insert_sites
 from stagectl.calibration.due_sites import DueSite
-from stagectl.recipe import MoveStep, parse_recipe, plan
+from stagectl.recipe import MoveStep, parse_recipe
+from stagectl.recipe.plan import plan
 from tests.unit.stagectl.calls import count_calls
 
 RECIPE = (

@@ -9,7 +9,8 @@ import pytest
 from stagectl.calibration import Calibration, DueSection, load_calibration
 from stagectl.calibration.sites import repeated_sites
 from stagectl.errors import ConfigError
-from stagectl.recipe import MoveStep, parse_recipe, plan
+from stagectl.recipe import MoveStep, parse_recipe
+from stagectl.recipe.plan import plan
 
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 DUE = DueSection(days=10, moves=100, distance=5.0)

@@ -5,7 +5,8 @@ import json
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.measurement import Identity, load_measurement, parse_measurement, response_path
+from stagectl.measurement import load_measurement, parse_measurement, response_path
+from stagectl.measurement.document import Identity
 
 
 def entry():

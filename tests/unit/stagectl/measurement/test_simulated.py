@@ -14,11 +14,11 @@ from stagectl.errors import Aborted, RunFault, UnusableInput
 from stagectl.measurement import (
     find_contradictions,
     measure_simulated,
-    measure_stage,
     measure_virtual_stage,
     parse_measurement,
 )
 from stagectl.measurement import simulated as module
+from stagectl.measurement.procedure import measure_stage
 
 
 def with_axis(machine, **update):

@@ -11,7 +11,8 @@ import pytest
 from pydantic import BaseModel
 
 from stagectl.config import Machine, load_machine, parse_machine
-from stagectl.recipe import Recipe, plan
+from stagectl.recipe import Recipe
+from stagectl.recipe.plan import plan
 from stagectl.recipe.schema import RecipeFile
 
 DOCS = Path(__file__).parents[4] / "docs"

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stagectl.recipe import (
-    Dwell,
-    ExposeStep,
-    FiducialStep,
-    MoveStep,
-    Profile,
-    Recipe,
-    Settle,
-    plan,
-)
+from stagectl.recipe import Dwell, ExposeStep, FiducialStep, MoveStep, Profile, Recipe, Settle
+from stagectl.recipe.plan import plan
 
 RecipeOf = Callable[[str], Recipe]
 HEAD = """recipe: a

@@ -5,12 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stagectl.measurement import (
-    Identity,
-    MeasuredAxis,
-    Measurement,
-    measure_virtual_stage,
-)
+from stagectl.measurement import Measurement, measure_virtual_stage
+from stagectl.measurement.document import Identity, MeasuredAxis
 from stagectl.run.observers import Observers
 from stagectl.sequencer import Mode, make_compensation
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from sim2real.attribution import FrictionOverPosition, signature_similarity
-from sim2real.diagnosis import examine, report_without_causes
+from sim2real.diagnosis import examine
+from sim2real.diagnosis.examination import report_without_causes
 from sim2real.findings import (
     Candidate,
     Cause,
