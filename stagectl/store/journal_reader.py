@@ -57,22 +57,6 @@ class JournalContent:
         return RunNotes(of.recipe, of.machine, of.started, self.outcome, self.events, self.fault)
 
 
-def read_journal(path: Path) -> JournalContent | None:
-    """Read a journal, whole or cut anywhere.
-
-    Returns:
-        Its content; None where it was cut before the first sample.
-
-    Raises:
-        UnusableInput: it is not a journal.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UnusableInput(f"{path}: {error.strerror}") from error
-    return parse_journal(data, path)
-
-
 def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
     """Read the notes of a killed run from its journal, which stays as it is.
 
@@ -130,7 +114,18 @@ def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, Records] | Non
 
 
 def parse_journal(data: bytes, path: Path) -> JournalContent | None:
-    """The content of a journal's bytes; as `read_journal`, `path` names it in messages."""
+    """The content of a journal, whole or cut anywhere.
+
+    Args:
+        data: its bytes.
+        path: names it in messages.
+
+    Returns:
+        Its content; None where it was cut before the first sample.
+
+    Raises:
+        UnusableInput: it is not a journal.
+    """
     start = _read_header(data, path)
     if start is None:
         return None

@@ -11,7 +11,7 @@ import pytest
 from stagectl.errors import StagectlError
 from stagectl.store import Journal, sample_codec, sample_dtype
 from stagectl.store.journal import CHECKSUM
-from stagectl.store.journal_reader import read_journal
+from stagectl.store.journal_reader import parse_journal
 from tests.unit.stagectl.store.journals import HEADER, sample
 
 
@@ -26,7 +26,7 @@ def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
     journal.event("e", count=np.int64(3), values=np.array([1.5, 2.5]), scaling=scaling, at=tmp_path)
     journal.sink(sample(0))
     journal.close()
-    content = read_journal(journal.path)
+    content = parse_journal(journal.path.read_bytes(), journal.path)
     assert content is not None
     assert content.events == (
         {

@@ -10,7 +10,7 @@ import pytest
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import Journal, read_journal_notes
 from stagectl.store.journal import TEXT_TAG
-from stagectl.store.journal_reader import read_journal
+from stagectl.store.journal_reader import parse_journal
 from tests.unit.stagectl.store.journals import HEADER, sample, written
 
 
@@ -22,7 +22,7 @@ def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_p
     counts: list[int] = []
     for length in range(len(data) + 1):
         cut.write_bytes(data[:length])
-        content = read_journal(cut)
+        content = parse_journal(cut.read_bytes(), cut)
         if content is None:
             counts.append(0)
             continue
@@ -42,7 +42,7 @@ def test_zeros_in_place_of_a_note_end_the_journal(tmp_path: Path):
     journal.close()
     path = tmp_path / "recording.journal"
     path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
-    content = read_journal(path)
+    content = parse_journal(path.read_bytes(), path)
     assert content is not None
     assert len(content.recording) == 20
 
@@ -54,7 +54,7 @@ def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
     journal.event("end")
     journal.sink(sample(20_000))
     journal.close()
-    content = read_journal(journal.path)
+    content = parse_journal(journal.path.read_bytes(), journal.path)
     assert content is not None
     assert len(content.recording) == 20_001
     assert content.events[0]["sample"] == 20_000
