@@ -48,10 +48,10 @@ class StepDetector:
         self.up = self.down = 0.0
 
 
-def false_alarm_rate(allowance: float = ALLOWANCE, threshold: float = THRESHOLD) -> float:
+def false_alarm_rate() -> float:
     """Alarms per normal z, both sides (D. Siegmund, Sequential Analysis, 1985, chapter 10).
 
     For z that are normal; real ones have heavier tails, so that this is a lower bound in practice.
     """
-    a = 2.0 * allowance * (threshold + 1.166)
-    return 2.0 * 2.0 * allowance**2 / (math.exp(a) - a - 1.0)
+    a = 2.0 * ALLOWANCE * (THRESHOLD + 1.166)
+    return 2.0 * 2.0 * ALLOWANCE**2 / (math.exp(a) - a - 1.0)

@@ -56,7 +56,7 @@ KERNELS: dict[str, tuple[Kernel, float]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class FieldSettings:
+class FieldPrior:
     """Prior of the field, for any table.
 
     Attributes:
@@ -108,9 +108,9 @@ class Prediction:
     sigma: F64
     inside: NDArray[np.bool_]
 
-    def band(self, factor: float = 1.96) -> tuple[F64, F64]:
-        """Lowest and highest value at a number of standard deviations: 1.96 for 95 %."""
-        spread = np.exp(factor * self.sigma)
+    def band(self) -> tuple[F64, F64]:
+        """Lowest and highest value with a probability of 95 %: 1.96 standard deviations."""
+        spread = np.exp(1.96 * self.sigma)
         return self.value / spread, self.value * spread
 
 
@@ -121,7 +121,6 @@ class FrictionField:
         places: of the sites [m], shape (n, 2), n >= 1; the same place may come more than once.
         values: of the figure there, > 0, shape (n,).
         sigma: relative standard deviation of each, shape (n,).
-        settings: prior beliefs.
         nodes: hyperparameters found before; None fits them.
 
     Attributes:
@@ -138,7 +137,6 @@ class FrictionField:
         places: F64,
         values: F64,
         sigma: F64,
-        settings: FieldSettings | None = None,
         nodes: Sequence[Node] | None = None,
     ) -> None:
         self.places = np.array(places, dtype=np.float64)
@@ -155,7 +153,7 @@ class FrictionField:
         self.hull = Hull.of(self.places)
         self._distance = _distances(self.places, self.places)
         self.edge = 0.5 * _spacing(self._distance)
-        self.nodes = self._fitted(settings or FieldSettings()) if nodes is None else tuple(nodes)
+        self.nodes = self._fitted() if nodes is None else tuple(nodes)
         self._solved = [self._solve(node) for node in self.nodes]
 
     @property
@@ -271,18 +269,19 @@ class FrictionField:
         constant = float(solved[:, 0].sum()) / total
         return factor, solved[:, 0] - constant * solved[:, 1], solved[:, 1], total
 
-    def _fitted(self, settings: FieldSettings) -> tuple[Node, ...]:
+    def _fitted(self) -> tuple[Node, ...]:
+        prior = FieldPrior()
         extent = float(np.ptp(self.places, axis=0).max()) or 0.1
-        lengths = _around(settings.length * extent, settings.length_spread, settings.grid[0])
-        amplitudes = _around(settings.amplitude, settings.amplitude_spread, settings.grid[1])
+        lengths = _around(prior.length * extent, prior.length_spread, prior.grid[0])
+        amplitudes = _around(prior.amplitude, prior.amplitude_spread, prior.grid[1])
         found: list[tuple[float, Node]] = []
         for name, (_, kernel_weight) in KERNELS.items():
             for length, length_weight in lengths:
                 for amplitude, amplitude_weight in amplitudes:
-                    for scatter, scatter_weight in settings.scatter:
+                    for scatter, scatter_weight in prior.scatter:
                         node = Node(1.0, name, length, amplitude, scatter)
-                        prior = kernel_weight * length_weight * amplitude_weight * scatter_weight
-                        found.append((self._evidence(node) + math.log(prior), node))
+                        weight = kernel_weight * length_weight * amplitude_weight * scatter_weight
+                        found.append((self._evidence(node) + math.log(weight), node))
         best = max(score for score, _ in found)
         found.sort(key=lambda entry: -entry[0])
         kept = [(math.exp(score - best), node) for score, node in found[:MOST_NODES]]

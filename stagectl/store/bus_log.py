@@ -41,19 +41,12 @@ class BusLog:
         digest: SHA-256 of the frames' lines, after `close`; None where there is no ASC file.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        started: datetime,
-        host_node: int = HOST_NODE,
-        part_frames: int = PART_FRAMES,
-    ) -> None:
+    def __init__(self, path: Path, started: datetime, part_frames: int = PART_FRAMES) -> None:
         """Create the spool; that of a killed run is converted to `bus-recovered.asc` first.
 
         Args:
             path: of the ASC file, replacing an existing one at the end.
             started: when the run began, for the header.
-            host_node: node id of the host, to tell its heartbeats from received ones.
             part_frames: frames per compressed part of a longer log.
 
         Raises:
@@ -64,7 +57,7 @@ class BusLog:
         self.digest: str | None = None
         self._spool = path.with_suffix(SPOOL_SUFFIX)
         _set_aside(self._spool, started.tzinfo)
-        head = HEAD.pack(MAGIC, round(started.timestamp() * 1e6), host_node)
+        head = HEAD.pack(MAGIC, round(started.timestamp() * 1e6), HOST_NODE)
         self._frames = FrameSpool(self._spool, head, part_frames)
         self._append = self._frames.append
         self._zone = started.tzinfo
