@@ -57,7 +57,7 @@ from hil_sim.bus import World
 from hil_sim.cia301 import EDS_PATH
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config.faults import parse_faults
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings

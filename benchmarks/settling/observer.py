@@ -40,7 +40,7 @@ from benchmarks.shared.other_stages import drawn, of_law, with_gains
 from hil_sim.effects import Effect as Known
 from hil_sim.effects.library import library, possible_on
 from hil_sim.settings import AxisSettings
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config.faults import parse_faults
 from stagectl.config.machine import Effect, Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import stage_settings

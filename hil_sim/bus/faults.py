@@ -8,8 +8,10 @@ a fault does not change what the others do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Gt, Interval, Le
 
 from hil_sim.cia301 import (
     ENCODER_LOST,
@@ -21,6 +23,7 @@ from hil_sim.cia301 import (
     OVER_VOLTAGE,
     UNDER_VOLTAGE,
 )
+from stagedata.ranges import Count, NotNegative, Positive, check_ranges
 
 DRIVE_FAULTS: dict[str, int] = {
     "over_current": OVER_CURRENT,
@@ -39,13 +42,18 @@ GENERAL_ABORT = 0x08000000
 Sender = Literal["host", "drives"]
 
 
-def _check(condition: bool, name: str, reason: str) -> None:
-    if not condition:
-        raise ValueError(f"{name}: {reason}")
+class _Checked:
+    """Refuses figures outside the ranges in their annotations."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
-def _check_time(value: float, name: str) -> None:
-    _check(math.isfinite(value) and value >= 0, name, f"must be >= 0, is {value!r}")
+def _check_end(until: float | None, begin: float, name: str) -> None:
+    if until is not None and not until > begin:
+        raise ValueError(f"until: must be later than {name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,19 +74,19 @@ class Frames:
     ids: frozenset[int] | None = None
     sender: Sender | None = None
     node: int | None = None
-    after: float = 0.0
+    after: NotNegative = 0.0
     until: float = math.inf
     nth: frozenset[int] = frozenset()
-    probability: float = 1.0
-    at_most: int | None = None
+    probability: Annotated[float, Gt(0), Le(1)] = 1.0
+    at_most: Count | None = None
 
     def __post_init__(self) -> None:
-        _check_time(self.after, "after")
-        _check(self.until > self.after, "until", f"must be > after, is {self.until!r}")
-        _check(0 < self.probability <= 1, "probability", "must be in (0, 1]")
-        _check(all(n >= 1 for n in self.nth), "nth", "counts from 1")
-        _check(self.at_most is None or self.at_most >= 1, "at_most", "must be >= 1")
-        _check(self.node is None or self.sender is not None, "node", "needs sender")
+        check_ranges(self)
+        _check_end(self.until, self.after, f"after, {self.after:g} s")
+        if min(self.nth, default=1) < 1:
+            raise ValueError("nth: counts from 1")
+        if self.node is not None and self.sender is None:
+            raise ValueError("axis: needs a frame with a known sender")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +97,11 @@ class Drop:
 
 
 @dataclass(frozen=True, slots=True)
-class Duplicate:
+class Duplicate(_Checked):
     """The frame is repeated at once, `copies` times."""
 
     frames: Frames
-    copies: int = 1
-
-    def __post_init__(self) -> None:
-        _check(1 <= self.copies <= 100, "copies", f"must be 1..100, is {self.copies!r}")
+    copies: Annotated[int, Interval(ge=1, le=100)] = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,34 +109,29 @@ class Delay:
     """The frame is late by a time [s] drawn uniformly between `least` and `most`."""
 
     frames: Frames
-    least: float
-    most: float
+    least: NotNegative
+    most: NotNegative
 
     def __post_init__(self) -> None:
-        _check_time(self.least, "least")
-        _check(math.isfinite(self.most) and self.most >= self.least, "most", "must be >= least")
+        check_ranges(self)
+        if self.least > self.most:
+            raise ValueError(f"least: is more than most, {self.most:g} s")
 
 
 @dataclass(frozen=True, slots=True)
-class Reorder:
+class Reorder(_Checked):
     """The frame arrives after the next one of its direction, or after `hold` [s]."""
 
     frames: Frames
-    hold: float = 1e-3
-
-    def __post_init__(self) -> None:
-        _check(math.isfinite(self.hold) and self.hold > 0, "hold", "must be > 0")
+    hold: Positive = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Resize:
+class Resize(_Checked):
     """The frame arrives with this length [bytes], truncated or padded with zeros."""
 
     frames: Frames
-    length: int
-
-    def __post_init__(self) -> None:
-        _check(0 <= self.length <= 8, "length", f"must be 0..8, is {self.length!r}")
+    length: Annotated[int, Interval(ge=0, le=8)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class Freeze:
 
 
 @dataclass(frozen=True, slots=True)
-class SdoAbort:
+class SdoAbort(_Checked):
     """SDO accesses to a node are aborted; the node never sees them.
 
     Attributes:
@@ -155,21 +155,15 @@ class SdoAbort:
     """
 
     node: int
-    nth: int = 1
-    times: int = 1
-    code: int = GENERAL_ABORT
+    nth: Count = 1
+    times: Count = 1
+    code: Annotated[int, Interval(ge=0, le=0xFFFF_FFFF)] = GENERAL_ABORT
     index: int | None = None
-    after: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check(self.nth >= 1, "nth", "counts from 1")
-        _check(self.times >= 1, "times", "must be >= 1")
-        _check(0 <= self.code < 1 << 32, "code", "must be UNSIGNED32")
-        _check_time(self.after, "after")
+    after: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class BusOff:
+class BusOff(_Checked):
     """A CAN controller is bus-off for some time: it neither sends nor receives.
 
     A drive announces its return (EMCY 0x8140). At the host, sending is an error meanwhile.
@@ -180,23 +174,16 @@ class BusOff:
     """
 
     node: int | None
-    at: float
-    duration: float
-
-    def __post_init__(self) -> None:
-        _check_time(self.at, "at")
-        _check(self.duration > 0, "duration", "must be > 0")
+    at: NotNegative
+    duration: Positive
 
 
 @dataclass(frozen=True, slots=True)
-class Reboot:
+class Reboot(_Checked):
     """A drive restarts at `at` [s], as by its watchdog: force off, parameters lost."""
 
     node: int
-    at: float
-
-    def __post_init__(self) -> None:
-        _check_time(self.at, "at")
+    at: NotNegative
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,20 +200,16 @@ class DriveFault:
     """
 
     node: int
-    code: int
-    at: float | None = None
+    code: Annotated[int, Interval(ge=1, le=0xFFFF)]
+    at: NotNegative | None = None
     position: float | None = None
     until: float | None = None
 
     def __post_init__(self) -> None:
-        _check(0 < self.code <= 0xFFFF, "code", f"must be 0x0001..0xFFFF, is {self.code:#x}")
-        _check(
-            (self.at is None) != (self.position is None), "at", "needs either a time or a position"
-        )
-        if self.at is not None:
-            _check_time(self.at, "at")
-        if self.until is not None:
-            _check(self.until > (self.at or 0.0), "until", f"must be > at, is {self.until!r}")
+        check_ranges(self)
+        if (self.at is None) == (self.position is None):
+            raise ValueError("at: needs either at or position")
+        _check_end(self.until, self.at or 0.0, "at")
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,13 +223,12 @@ class SafeTorqueOff:
     """
 
     node: int
-    at: float
+    at: NotNegative
     until: float | None = None
 
     def __post_init__(self) -> None:
-        _check_time(self.at, "at")
-        if self.until is not None:
-            _check(self.until > self.at, "until", f"must be > at, is {self.until!r}")
+        check_ranges(self)
+        _check_end(self.until, self.at, "at")
 
 
 FrameFault = Drop | Duplicate | Delay | Reorder | Resize | Freeze
@@ -262,5 +244,5 @@ class FaultPlan:
         seed: of their random numbers.
     """
 
-    faults: tuple[Fault, ...] = field(default=())
+    faults: tuple[Fault, ...] = ()
     seed: int = 0

@@ -161,7 +161,6 @@ def command(
     does not speed that up. Exit code 0 completed, 2 unusable input, 3 fault, 4 completed but a
     site misses the recipe's limits, 130 stopped.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.config.fault_plan import load_faults
     from stagectl.recipe import load_recipe
 
     if faults is not None and simulate is None:
@@ -172,7 +171,11 @@ def command(
         )
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
     loaded = load_recipe(recipe, believed)
-    plan = None if faults is None else load_faults(faults, believed, seed)
+    plan = None
+    if faults is not None:
+        from stagectl.config.faults import load_faults
+
+        plan = load_faults(faults, believed, seed)
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     resumed = None

@@ -1,20 +1,32 @@
-"""The models of a faults file (`stagectl run --simulate --faults`): what fails, where and when.
+"""Faults files (`stagectl run --simulate --faults`): what fails, where and when.
 
-They have exactly the keys of docs/faults.md; `stagectl.config.fault_plan` applies them to a
-machine.
+The sections have exactly the keys of docs/faults.md. For a machine they become the simulator's
+faults: names of axes and frames are made node ids and CAN-IDs of the predefined connection set of
+CiA 301.
 """
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
 from drivers.settings import HOST_NODE
+from hil_sim.bus import faults as sim
+from stagectl.config.machine import Machine
 from stagectl.config.parsing.units import Length, NotNegativeTime, Number, PositiveTime
-from stagectl.config.parsing.validation import Section, refusal, suggest
-from stagectl.config.parsing.yaml_nodes import describe_value
+from stagectl.config.parsing.validation import Section, refusal, sort_problems, suggest, validate
+from stagectl.config.parsing.yaml_nodes import (
+    Document,
+    describe_value,
+    load_document,
+    parse_document,
+)
+from stagectl.errors import ConfigError
 
 OF_HOST = {"nmt": 0x000, "sync": 0x080, "host_heartbeat": 0x700 + HOST_NODE}
 TO_NODE = {"rpdo1": 0x200, "rpdo2": 0x300, "rpdo3": 0x400, "rpdo4": 0x500, "sdo_request": 0x600}
@@ -64,6 +76,10 @@ Moment = Annotated[NotNegativeTime, Field(le=LATEST)]
 Span = Annotated[PositiveTime, Field(le=LATEST)]
 
 
+Nodes = Mapping[str, int]
+"""Axis -> node id."""
+
+
 class Window(Section):
     """When and how often a fault of frames occurs."""
 
@@ -73,12 +89,36 @@ class Window(Section):
     probability: Probability = 1.0
     at_most: Positive | None = None
 
+    def frames_named(self, frame: str, axis: str | None, nodes: Nodes) -> sim.Frames:
+        """The frames of this name, of all axes or one, in the window."""
+        node = None if axis is None else _node(axis, nodes)
+        ids: frozenset[int] | None = None
+        sender: sim.Sender | None = "drives" if frame in ("from_drives", *OF_NODE) else "host"
+        if frame in OF_HOST:
+            ids = frozenset({OF_HOST[frame]})
+        elif frame in TO_NODE or frame in OF_NODE:
+            base = TO_NODE.get(frame) or OF_NODE[frame]
+            ids = frozenset(base + n for n in (nodes.values() if node is None else [node]))
+            node = None
+        elif frame == "any":
+            sender = None
+        elif frame not in ANY:
+            ids, sender = frozenset({int(frame, 16)}), None
+        return sim.Frames(
+            ids, sender, node, self.after, _end(self.until), frozenset(self.nth),
+            self.probability, self.at_most,
+        )  # fmt: skip
+
 
 class OnFrames(Window):
     """Faults of named frames."""
 
     frame: FrameName
     axis: str | None = None
+
+    def frames(self, nodes: Nodes) -> sim.Frames:
+        """The frames that the fault acts on."""
+        return self.frames_named(self.frame, self.axis, nodes)
 
 
 class Drop(OnFrames):
@@ -169,7 +209,7 @@ class SdoAbort(Section):
     axis: str
     nth: Positive = 1
     times: Positive = 1
-    code: Annotated[int, _hexadecimal(_CODE, "0x08000000")] = 0x08000000
+    code: Annotated[int, _hexadecimal(_CODE, "0x08000000")] = sim.GENERAL_ABORT
     object: Annotated[int, _hexadecimal(_OBJECT, "0x6060")] | None = None
     after: Moment = 0.0
 
@@ -210,3 +250,98 @@ class FaultsFile(Section):
 
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
     faults: Annotated[list[FaultSection], Field(min_length=1, max_length=1000)]
+
+
+def load_faults(path: Path | str, machine: Machine, seed: int) -> sim.FaultPlan:
+    """The faults of a file, for a machine.
+
+    Args:
+        path: of the file.
+        machine: its axes can be named.
+        seed: used unless the file has one.
+
+    Raises:
+        ConfigError: the file cannot be used; one line per problem.
+    """
+    return _plan(load_document(path), machine, seed)
+
+
+def parse_faults(text: str, name: str, machine: Machine, seed: int) -> sim.FaultPlan:
+    """The faults of a text, which messages call `name`.
+
+    Raises:
+        ConfigError: as `load_faults`.
+    """
+    return _plan(parse_document(text, name), machine, seed)
+
+
+def _plan(document: Document, machine: Machine, seed: int) -> sim.FaultPlan:
+    file = validate(document, FaultsFile)
+    nodes = {name: axis.node for name, axis in machine.axes.items()}
+    faults: list[sim.Fault] = []
+    problems: list[str] = []
+    for index, section in enumerate(file.faults):
+        try:
+            faults.append(_fault(section, nodes))
+        except ValueError as error:
+            key, _, reason = str(error).partition(": ")
+            problems.append(document.problem(("faults", index, key), reason))
+    if problems:
+        raise ConfigError(sort_problems(problems))
+    return sim.FaultPlan(tuple(faults), seed if file.seed is None else file.seed)
+
+
+def _fault(section: FaultSection, nodes: Nodes) -> sim.Fault:
+    """The simulator's fault.
+
+    Raises:
+        ValueError: `key: reason`, where values do not fit each other or the machine.
+    """
+    match section:
+        case Drop():
+            return sim.Drop(section.frames(nodes))
+        case Duplicate():
+            return sim.Duplicate(section.frames(nodes), section.copies)
+        case Delay():
+            return sim.Delay(section.frames(nodes), section.least, section.most)
+        case Reorder():
+            return sim.Reorder(section.frames(nodes), section.hold)
+        case Resize():
+            return sim.Resize(section.frames(nodes), section.length)
+        case Freeze():
+            return sim.Freeze(section.frames(nodes))
+        case SyncJitter():
+            return sim.Delay(section.frames_named("sync", None, nodes), 0.0, section.most)
+        case SyncMiss():
+            return sim.Drop(section.frames_named("sync", section.axis, nodes))
+        case HeartbeatSilence(of=of):
+            ids = frozenset({0x700 + (HOST_NODE if of == HOST else _node(of, nodes, "of"))})
+            return sim.Drop(sim.Frames(ids, after=section.after, until=_end(section.until)))
+        case BusOff(of=of):
+            node = None if of == HOST else _node(of, nodes, "of")
+            return sim.BusOff(node, section.at, section.duration)
+        case Reboot():
+            return sim.Reboot(_node(section.axis, nodes), section.at)
+        case SdoAbort():
+            return sim.SdoAbort(
+                _node(section.axis, nodes), section.nth, section.times, section.code,
+                section.object, section.after,
+            )  # fmt: skip
+        case DriveFault():
+            return sim.DriveFault(
+                _node(section.axis, nodes), sim.DRIVE_FAULTS[section.error], section.at,
+                section.position, section.until,
+            )  # fmt: skip
+        case SafeTorqueOff():
+            return sim.SafeTorqueOff(_node(section.axis, nodes), section.at, section.until)
+
+
+def _node(axis: str, nodes: Nodes, key: str = "axis") -> int:
+    if axis not in nodes:
+        known = [*nodes, *([HOST] if key == "of" else [])]
+        raise ValueError(f"{key}: no such axis in the machine{suggest(axis, known)}")
+    return nodes[axis]
+
+
+def _end(until: float | None) -> float:
+    return math.inf if until is None else until

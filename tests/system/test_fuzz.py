@@ -5,7 +5,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.robustness import fuzz, fuzz_input
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config.faults import parse_faults
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe

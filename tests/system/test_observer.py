@@ -21,7 +21,7 @@ from benchmarks.settling.wrong_file import (
 from benchmarks.shared.inspection_runs import Case, run_whole
 from benchmarks.shared.other_stages import of_law
 from stagectl.cli import cli
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config.faults import parse_faults
 from stagectl.config.machine import Effect
 from stagectl.recipe import parse_recipe
 from stagectl.run.replay import replay

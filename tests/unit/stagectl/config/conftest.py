@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from stagectl.config import load_machine, parse_machine
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config.faults import parse_faults
 from stagectl.errors import ConfigError
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config import load_machine, parse_machine
-from stagectl.config.fault_plan import load_faults
+from stagectl.config.faults import load_faults
 from stagectl.errors import ConfigError
 
 GOOD = load_machine().text
