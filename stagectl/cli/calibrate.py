@@ -23,11 +23,9 @@ from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 
 if TYPE_CHECKING:
-    from stagectl.calibration import Calibration, SiteOutcome, SiteSequence
-    from stagectl.history import Pair, StageKey
-    from stagectl.maps import AxisChange, MapVersion
-    from stagectl.recipe import Recipe
-    from stagectl.run import Resumed, RunRequest
+    from stagectl.calibration import Calibration, SiteSequence
+    from stagectl.history import Pair
+    from stagectl.run import RunRequest
 
 
 @click.command(cls=StageCommand)
@@ -70,7 +68,12 @@ def command(
     The new map is stored in the history; 'stagectl map activate' puts it into use. Drive settings
     are not changed, and the stage ends at the first site.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.calibration import load_calibration, predicted_gains, require_enough_sites
+    from stagectl.calibration import (
+        calibration_as_json,
+        load_calibration,
+        require_enough_sites,
+        resume_calibration,
+    )
     from stagectl.history import FILE_NAME, default_history
 
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
@@ -82,15 +85,8 @@ def command(
         where = str((folder if resume is None else resume) / FILE_NAME)
     quiet = is_json_on_stdout(json_out)
     if not quiet:
-        click.echo(
-            f"{len(calibration.sequence.excursions)} moves at each site, "
-            f"{calibration.sequence.duration:.2f} s; expected uncertainty, 1 sigma:"
-        )
-        for line in predicted_gains(calibration.sequence):
-            click.echo(f"  {line}")
-        if not calibration.sequence.reaches():
-            click.echo("  below the required accuracy: a larger 'reach' may help")
-    from stagectl.run import RunRequest, check
+        _announce(calibration.sequence)
+    from stagectl.run import RunRequest
     from stagectl.sequencer import Mode
 
     request = RunRequest(
@@ -100,46 +96,48 @@ def command(
     )  # fmt: skip
     before: list[dict[str, Any]] = []
     if resume is not None:
-        recipe, resumed, before = _resume(calibration, resume)
-        request = replace(
-            request, resumed=resumed, operator=request.operator or resumed.operator,
-            comment=request.comment or resumed.comment,
-        )  # fmt: skip
+        request, before = resume_calibration(request, calibration, resume)
     else:
         selected = _select_sites(calibration, request, due, quiet)
         if not selected:
             click.echo("no site is due", err=quiet)
-            write_json(_as_dict(request, None, [], calibration.sequence), json_out)
+            write_json(calibration_as_json(request, calibration.sequence), json_out)
             return
-        recipe = calibration.at(selected)
-    request = replace(request, recipe=recipe)
-    require_enough_sites(request, recipe.sites)
+        request = replace(request, recipe=calibration.at(selected))
+    require_enough_sites(request, request.recipe.sites)
     if dry_run:
-        check(request)
-        places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
-        for x, y in places:
-            click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm", err=quiet)
-        if json_out is not None:
-            nothing = _as_dict(request, None, [], calibration.sequence)
-            write_json({**nothing, "would_visit": [list(place) for place in places]}, json_out)
-        return
-    error = _measure(request, calibration, json_out, quiet, before)
-    if error is not None:
-        raise error
+        _dry_run(request, calibration.sequence, json_out, quiet)
+    else:
+        _calibrate(request, calibration, before, json_out)
 
 
-def _resume(calibration: Calibration, folder: Path) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
-    """The sites of an interrupted calibration, due or not, and the estimates it made."""
-    from stagectl.calibration import read_calibration, rewrite_all_documents
-    from stagectl.run import document_paths, load_interrupted
-    from stagectl.store import RECORDING_NAME
+def _announce(sequence: SiteSequence) -> None:
+    """Say what the moves at a site are expected to show."""
+    from stagectl.calibration import predicted_gains
 
-    resumed = load_interrupted(folder, calibration.recipe)
-    if not document_paths(folder / RECORDING_NAME)[1].exists():  # killed before it wrote its page
-        rewrite_all_documents(folder)
-    interrupted = read_calibration(folder / RECORDING_NAME)
-    recipe = replace(calibration.recipe, sites=interrupted.sites)
-    return recipe, resumed, list(interrupted.friction)
+    click.echo(
+        f"{len(sequence.excursions)} moves at each site, {sequence.duration:.2f} s; "
+        "expected uncertainty, 1 sigma:"
+    )
+    for line in predicted_gains(sequence):
+        click.echo(f"  {line}")
+    if not sequence.reaches():
+        click.echo("  below the required accuracy: a larger 'reach' may help")
+
+
+def _dry_run(
+    request: RunRequest, sequence: SiteSequence, json_out: Path | None, quiet: bool
+) -> None:
+    """Check all that the run would check before it opens the bus, and list the sites to visit."""
+    from stagectl.calibration import calibration_as_json
+    from stagectl.run import check
+
+    check(request)
+    places = request.recipe.sites[0 if request.resumed is None else request.resumed.done :]
+    for x, y in places:
+        click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm", err=quiet)
+    would_visit = [list(place) for place in places]
+    write_json({**calibration_as_json(request, sequence), "would_visit": would_visit}, json_out)
 
 
 def _select_sites(
@@ -159,68 +157,30 @@ def _select_sites(
     return tuple(site for site in sites if site in places)
 
 
-def _measure(
-    request: RunRequest, calibration: Calibration, json_out: Path | None, quiet: bool,
+def _calibrate(
+    request: RunRequest,
+    calibration: Calibration,
     before: list[dict[str, Any]],
-) -> Exception | None:  # fmt: skip
-    """Run the calibration, store the map, print the outcome (long: one step after another).
+    json_out: Path | None,
+) -> None:
+    """Calibrate, print the outcome and write it as JSON.
 
-    Args:
-        request: of the run.
-        calibration: its sites and moves.
-        json_out: file for the outcome; None for none.
-        quiet: standard output is reserved for JSON.
-        before: estimates of the interrupted calibration that this one continues.
-
-    Returns:
-        What ended the calibration early, or None.
+    Raises:
+        StagectlError: what ended the calibration early.
     """
-    from stagectl.calibration import (
-        CalibrationReport,
-        calibration_outline,
-        site_outcomes,
-        visited_sites,
-        write_calibration_page,
-    )
+    from stagectl.calibration import calibrate, calibration_as_json, calibration_outline
     from stagectl.cli.progress import RunProgress
     from stagectl.config import is_server, without_password
-    from stagectl.errors import StagectlError
-    from stagectl.history import StageKey
-    from stagectl.maps import TooFewPlaces
-    from stagectl.report import friction_map_used, print_outline, resume_command, whole
-    from stagectl.run import Listener, execute
+    from stagectl.report import print_outline, whole
+    from stagectl.run import Listener
 
     console = console_for(json_out)
-    machine = request.machine
-    with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
-        result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
-    stage = StageKey(machine.name, request.truth is not None)
-    notices = list(result.notices)
-    version, before_it, failed = None, None, result.error
-    changes: list[AxisChange] = []
-    if failed is None:
-        try:
-            if result.unwritten is not None:
-                raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
-            version, before_it, changes = _new_map(request, stage)
-        except TooFewPlaces as error:
-            notices.append(f"no new map: {error}")
-        except StagectlError as error:
-            failed = StagectlError(f"no new map: {error}")
-    friction = [*before, *result.summary["friction"]]
-    sites = request.recipe.sites
-    if result.error is not None:  # leave out sites that were not reached
-        sites = visited_sites(sites, friction)
-    built = None if version is None else version.map
-    number = None if version is None else version.number
-    found = site_outcomes(sites, friction, tuple(machine.axes), built, changes)
-    report = CalibrationReport(
-        request.recipe.name, str(stage), f"{request.started:%Y-%m-%d %H:%M:%S %Z}",
-        None if failed is None else str(failed), friction_map_used(result.summary),
-        len(sites), len(request.recipe.sites), found, changes, calibration.sequence, version,
-        before_it, notices=notices,
-    )  # fmt: skip
+    with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
+        listener = Listener(progress.phase, progress.event, stop_on_signal)
+        result = calibrate(request, calibration, before, listener)
+    report = result.report
     outline = calibration_outline(report)
+    number = None if report.version is None else report.version.number
     if number is not None:
         where = str(request.history)
         where = without_password(where) if is_server(where) else where
@@ -230,66 +190,8 @@ def _measure(
         )
         console.print(print_outline(outline, whole(text)), crop=False)
     else:
-        command = None if result.error is None else resume_command(result.summary)
-        console.print(print_outline(replace(outline, command=command)), crop=False)
-    write_json(_as_dict(request, number, found, calibration.sequence), json_out)
-    write_calibration_page(request.folder / "report.html", report)
-    return failed
-
-
-def _new_map(
-    request: RunRequest, stage: StageKey
-) -> tuple[MapVersion, MapVersion | None, list[AxisChange]]:
-    """Build a map and store it in the history.
-
-    Returns:
-        The map, the version before, and the changes from that one.
-
-    Raises:
-        TooFewPlaces: no axis was measured at enough of them.
-        StagectlError: the history cannot be read or written.
-    """
-    from stagectl.history import open_history
-    from stagectl.maps import (
-        MapVersion,
-        build_map,
-        compare,
-        map_versions,
-        to_json,
-        tracking_settings,
-    )
-
-    history = open_history(str(request.history), write=True)
-    try:
-        versions = map_versions(history, stage)
-        settings = tracking_settings(request.machine, history, stage)
-        built = build_map(history, stage, settings=settings)
-        now, comment = datetime.now(UTC).timestamp(), request.comment or ""
-        number = history.save_map(stage, now, comment, to_json(built))
-        before = versions[-1] if versions else None
-        changes = [] if before is None else compare(before.map, built)
-        return MapVersion(number, now, comment, False, built), before, changes
-    finally:
-        history.close()
-
-
-def _as_dict(
-    request: RunRequest, number: int | None, found: list[SiteOutcome], sequence: SiteSequence
-) -> dict[str, object]:
-    return {
-        "format": "stagectl-calibration", "version": 1, "machine": request.machine.name,
-        "simulated": request.truth is not None, "map": number,
-        "expected_bits": {
-            axis: {name: gain.bits for name, gain in gains.items()}
-            for axis, gains in sequence.gains.items()
-        },
-        "sites": [
-            {
-                "site": e.site, "place": list(e.place), "axis": e.axis, "coulomb": e.coulomb,
-                "sigma": e.sigma, "change": e.change,
-                "bits": {name: gain.bits for name, gain in e.gains.items()},
-                "refused": list(e.refused), "severity": e.severity, "suggestion": e.suggestion,
-            }
-            for e in found
-        ],
-    }  # fmt: skip
+        console.print(print_outline(replace(outline, command=result.command)), crop=False)
+    outcome = calibration_as_json(request, calibration.sequence, number, report.outcomes)
+    write_json(outcome, json_out)
+    if result.error is not None:
+        raise result.error

@@ -1,0 +1,39 @@
+"""A calibration as a program makes it: stopped by the operator, and gone on with."""
+
+from datetime import UTC, datetime
+
+from stagectl.calibration import calibrate, calibration_as_json, load_calibration
+from stagectl.calibration.execution import resume_calibration
+from stagectl.run import Listener, RunRequest
+from stagectl.sequencer import Mode, SegmentDone
+
+SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+
+
+def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_path):
+    (tmp_path / "sites.yaml").write_text(SITES)
+    calibration = load_calibration(tmp_path / "sites.yaml", machine)
+    stops = []
+
+    def event(happened):
+        if isinstance(happened, SegmentDone) and happened.number == 1:
+            stops[0]("stopped by the operator")
+
+    request = RunRequest(
+        calibration.at(calibration.recipe.sites), machine, machine, None, Mode.ESTIMATED, 1.0, 1,
+        tmp_path / "run", datetime.now(UTC), history=str(tmp_path / "stage.db"), operator="Ada",
+        observer=False,
+    )  # fmt: skip
+    result = calibrate(request, calibration, [], Listener(event=event, stoppable=stops.append))
+    assert "stopped by the operator" in str(result.error)
+    assert f"--resume {tmp_path / 'run'}" in result.command
+    report = result.report
+    assert (report.version, report.visited, report.planned) == (None, 1, 5)
+    assert "Interrupted" in (tmp_path / "run" / "report.html").read_text()
+    written = calibration_as_json(request, calibration.sequence, None, report.outcomes)
+    assert [(site["site"], site["axis"]) for site in written["sites"]] == [(1, "x"), (1, "y")]
+
+    continued, before = resume_calibration(request, calibration, tmp_path / "run")
+    assert (continued.resumed.done, continued.operator) == (1, "Ada")
+    assert continued.recipe.sites == request.recipe.sites
+    assert {estimate["axis"] for estimate in before} == {"x", "y"}
