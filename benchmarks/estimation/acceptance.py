@@ -49,8 +49,8 @@ from stagectl.config.machine.twin import render_twin
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import load_recipe
 from stagectl.recipe.schema import SimulatedMark
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import FrictionUpdated, Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
+from stagectl.sequencer import FrictionUpdated
 
 NAMES = ("coulomb", "viscous", "stiffness", "relaxation_rate")
 SIGMAS, SHARE = 4.0, 0.03
@@ -231,10 +231,13 @@ def run_stage(name: str | None, seed: int) -> list[Judged]:
 
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe=recipe, machine=machine, truth=stage, bus=None,
-            mode=Mode.ESTIMATED, friction_scale=0.5, seed=seed, folder=Path(folder),
-            started=datetime.now(UTC),
-        )  # fmt: skip
+            recipe,
+            machine,
+            Path(folder),
+            datetime.now(UTC),
+            simulated=SimulatedStage(stage, seed),
+            host=HostSettings(friction_scale=0.5),
+        )
         result = execute(request, Listener(event=note))
     if result.error is not None:
         raise result.error

@@ -27,8 +27,8 @@ from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Event, FrictionUpdated, Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
+from stagectl.sequencer import Event, FrictionUpdated
 
 FIRST_SITE = 5
 MOST_RMS, MOST = 0.015, 0.05
@@ -90,16 +90,12 @@ def run(
 
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe=parse_recipe(RECIPE.format(sites=sites(order)), "inspection-40", machine),
-            machine=machine,
-            truth=drifting(machine, amplitude, time_constant),
-            bus=None,
-            mode=Mode.ESTIMATED,
-            friction_scale=0.5,
-            seed=seed,
-            folder=Path(folder),
-            started=datetime.now(UTC),
-            observer=False,  # it would hide what the level's error does
+            parse_recipe(RECIPE.format(sites=sites(order)), "inspection-40", machine),
+            machine,
+            Path(folder),
+            datetime.now(UTC),
+            simulated=SimulatedStage(drifting(machine, amplitude, time_constant), seed),
+            host=HostSettings(friction_scale=0.5, observer=False),
         )
         listener = Listener(event=seen, switched_on=lambda stage, _: stages.append(stage))
         result = execute(request, listener)

@@ -46,8 +46,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from stagectl.config import load_machine
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 
 gc.set_threshold(100_000)  # as the program does
 machine = load_machine(None)
@@ -57,8 +56,8 @@ for _ in range(5):
     at = []
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe, machine, machine, None, Mode.ESTIMATED, 1.0, 1, Path(folder, "run"),
-            datetime.now(UTC),
+            recipe, machine, Path(folder, "run"), datetime.now(UTC),
+            simulated=SimulatedStage(machine),
         )
         result = execute(request, Listener(event=lambda _: at.append(time.thread_time())))
     rates.append(result.summary["duration"] / (at[-1] - at[0]))

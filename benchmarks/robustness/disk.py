@@ -15,7 +15,7 @@ from pathlib import Path
 
 from stagectl.config import load_machine
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import Mode
 
 RECIPE = """recipe: disk
@@ -48,9 +48,13 @@ def main() -> None:
         watcher = threading.Thread(target=watch)
         watcher.start()
         request = RunRequest(
-            recipe=recipe, machine=machine, truth=machine, bus=None, mode=Mode.MODEL,
-            friction_scale=1.0, seed=1, folder=folder, started=datetime.now(UTC),
-        )  # fmt: skip
+            recipe,
+            machine,
+            folder,
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine),
+            host=HostSettings(mode=Mode.MODEL),
+        )
         result = execute(request, Listener())
         over.set()
         watcher.join()

@@ -44,7 +44,7 @@ from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import Recipe, parse_recipe
-from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
 from stagectl.sequencer import Mode, make_compensation
 from stagectl.store import read_recording
 
@@ -265,9 +265,14 @@ def run(
     """
     outcome, watch = Outcome(scenario), Watch(scenario.stop)
     request = RunRequest(
-        recipe, machine, machine, None, Mode.ESTIMATED, scale, scenario.number, folder,
-        datetime.now(UTC), scenario.plan, retries,
-    )  # fmt: skip
+        recipe,
+        machine,
+        folder,
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine, scenario.number, scenario.plan),
+        host=HostSettings(friction_scale=scale),
+        retries=retries,
+    )
     try:
         with _bound_of_wall_time():
             result = execute(request, Listener(stoppable=watch.stoppable, switched_on=watch))

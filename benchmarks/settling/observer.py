@@ -45,7 +45,7 @@ from stagectl.config.machine import Effect, Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import Mode
 
 KINDS = ("micro", "macro")
@@ -216,20 +216,23 @@ def moves(
         host, truth, fault = stage(seed)
         with tempfile.TemporaryDirectory() as folder:
             request = RunRequest(
-                recipe=load_recipe(RECIPE, host),
-                machine=host,
-                truth=truth,
-                bus=None,
-                mode=mode,
-                friction_scale=0.5,
-                seed=seed,
-                folder=Path(folder),
-                started=datetime.now(UTC),
-                faults=None
-                if fault is None
-                else parse_faults(f"faults: [{fault}]", "fault", host, seed),
-                observer=observer,
-                measurement=measured(host, truth) if observer else None,
+                load_recipe(RECIPE, host),
+                host,
+                Path(folder),
+                datetime.now(UTC),
+                simulated=SimulatedStage(
+                    truth,
+                    seed,
+                    None
+                    if fault is None
+                    else parse_faults(f"faults: [{fault}]", "fault", host, seed),
+                ),
+                host=HostSettings(
+                    mode=mode,
+                    friction_scale=0.5,
+                    observer=observer,
+                    measurement=measured(host, truth) if observer else None,
+                ),
             )
             result = execute(request, Listener())
         if result.error is not None:

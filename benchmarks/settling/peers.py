@@ -41,7 +41,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.observer import design_observers
 from stagectl.recipe import Recipe, parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import AxisCompensation, Mode, make_compensation, summarise_moves
 from stagedata import FrictionFigures
 
@@ -236,17 +236,16 @@ def settling_of(name: str, peer: Peer, seeds: int) -> dict[tuple[str, float], li
         )
         with tempfile.TemporaryDirectory() as folder, in_place_of_ours(name, peer):
             request = RunRequest(
-                recipe=steps_and_macros(host),
-                machine=host,
-                truth=truth,
-                bus=None,
-                mode=peer.mode,
-                friction_scale=1.0,
-                seed=seed,
-                folder=Path(folder),
-                started=datetime.now(UTC),
-                observer=peer.observer,
-                measurement=measured(host, truth) if peer.observer else None,
+                steps_and_macros(host),
+                host,
+                Path(folder),
+                datetime.now(UTC),
+                simulated=SimulatedStage(truth, seed),
+                host=HostSettings(
+                    mode=peer.mode,
+                    observer=peer.observer,
+                    measurement=measured(host, truth) if peer.observer else None,
+                ),
             )
             result = execute(request, Listener())
         if result.error is not None:

@@ -12,7 +12,7 @@ from stagectl.config.machine import Machine
 from stagectl.errors import RunFault
 from stagectl.measurement import Measurement, measure_virtual_stage
 from stagectl.recipe import Recipe
-from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
 from stagectl.sequencer import Mode
 
 RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"
@@ -62,19 +62,19 @@ def run_whole(
     """One run, its recording included; arguments as of `run`."""
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe=recipe,
-            machine=machine,
-            truth=truth or machine,
-            bus=None,
-            mode=case.mode,
-            friction_scale=case.friction_scale,
-            seed=seed,
-            folder=Path(folder),
-            started=datetime.now(UTC),
-            observer=case.observer,
-            measurement=measured(machine, case.measured or truth or machine)
-            if case.observer
-            else None,
+            recipe,
+            machine,
+            Path(folder),
+            datetime.now(UTC),
+            simulated=SimulatedStage(truth or machine, seed),
+            host=HostSettings(
+                mode=case.mode,
+                friction_scale=case.friction_scale,
+                observer=case.observer,
+                measurement=measured(machine, case.measured or truth or machine)
+                if case.observer
+                else None,
+            ),
         )
         result = execute(request, Listener())
     if result.error is not None:

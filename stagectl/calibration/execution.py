@@ -69,8 +69,7 @@ def resume_calibration(
         request,
         recipe=replace(calibration.recipe, sites=interrupted.sites),
         resumed=resumed,
-        operator=request.operator or resumed.operator,
-        comment=request.comment or resumed.comment,
+        remarks=request.remarks.or_of(resumed),
     )
     return continued, list(interrupted.friction)
 
@@ -138,7 +137,7 @@ def _build(request: RunRequest, stage: StageKey) -> tuple[MapVersion, MapVersion
         versions = map_versions(history, stage)
         settings = tracking_settings(request.machine, history, stage)
         built = build_map(history, stage, settings=settings)
-        now, comment = datetime.now(UTC).timestamp(), request.comment or ""
+        now, comment = datetime.now(UTC).timestamp(), request.remarks.comment or ""
         number = history.save_map(stage, now, comment, to_json(built))
         version = MapVersion(number, now, comment, False, built)
         return version, versions[-1] if versions else None

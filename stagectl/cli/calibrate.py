@@ -86,13 +86,13 @@ def command(
     quiet = is_json_on_stdout(json_out)
     if not quiet:
         _announce(calibration.sequence)
-    from stagectl.run import RunRequest
-    from stagectl.sequencer import Mode
+    from stagectl.run import HostSettings, Remarks, RunRequest, SimulatedStage
 
     request = RunRequest(
-        calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
-        resumed=None, history=where, operator=operator or None, comment=comment or None,
-        observer=False,  # deviations are what is measured
+        calibration.recipe, believed, folder, started,
+        None if truth is None else SimulatedStage(truth, seed),
+        HostSettings(observer=False),  # deviations are what is measured
+        bus, history=where, remarks=Remarks(operator or None, comment or None),
     )  # fmt: skip
     before: list[dict[str, Any]] = []
     if resume is not None:

@@ -24,8 +24,6 @@ from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
 
 if TYPE_CHECKING:
-    from stagectl.config import Machine
-    from stagectl.measurement import Measurement
     from stagectl.run import RunRequest
 
 DEFAULT_BUDGET = 5.0
@@ -184,27 +182,26 @@ def command(
 
         resumed = load_interrupted(resume, loaded)
     from stagectl.history import default_history
-    from stagectl.run import RunRequest
+    from stagectl.run import HostSettings, Remarks, RunRequest, SimulatedStage
     from stagectl.sequencer.compensation.mode import Mode
 
     request = RunRequest(
-        recipe=loaded,
-        machine=believed,
-        truth=truth,
+        loaded,
+        believed,
+        folder,
+        started,
+        simulated=None if truth is None else SimulatedStage(truth, seed, plan),
+        host=HostSettings(
+            mode=Mode(compensation),
+            friction_scale=friction_scale,
+            use_map=use_map == "active",
+            observer=observer,
+        ),
+        remarks=Remarks(operator or None, comment or None).or_of(resumed),
         bus=bus,
-        mode=Mode(compensation),
-        friction_scale=friction_scale,
-        seed=seed,
-        folder=folder,
-        started=started,
-        faults=plan,
         retries=retries,
         resumed=resumed,
         history=default_history(history, believed, truth is not None, folder, out is not None),
-        use_map=use_map == "active",
-        operator=operator or (resumed.operator if resumed else None),
-        comment=comment or (resumed.comment if resumed else None),
-        observer=observer,
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)
@@ -212,47 +209,15 @@ def command(
         _dry_run(request, json_out)
     else:
         if observer:
-            from stagectl.run import check
+            from stagectl.run import find_measurement
 
-            check(request)  # before the virtual stage is measured, which takes a second
-            given = _measurement(measurement, machine, believed, truth, resume)
-            request = replace(request, measurement=given)
+            found = find_measurement(request, measurement, machine, resume, _announce)
+            request = replace(request, host=replace(request.host, measurement=found))
         _run(request, json_out)
 
 
-def _measurement(
-    given: Path | None,
-    machine: Path | None,
-    believed: Machine,
-    truth: Machine | None,
-    resume: Path | None,
-) -> Measurement | None:
-    """The measurement of the stage by which the observers are designed; None without one."""
-    from stagectl.errors import RunFault
-    from stagectl.measurement import load_measurement, measure_virtual_stage, response_path
-    from stagectl.run import recorded_measurement
-    from stagectl.run.compilation import compiled_by_two
-    from stagectl.store import RECORDING_NAME
-
-    def announce(text: str) -> None:
-        click.echo(text, err=True)
-
-    if given is not None:
-        return load_measurement(given)
-    recorded = None if resume is None else recorded_measurement(resume / RECORDING_NAME)
-    if truth is not None and recorded is not None:
-        return recorded
-    if truth is not None:
-        try:
-            with compiled_by_two(believed, truth, lambda _: None):
-                return measure_virtual_stage(believed, truth, announce)
-        except RunFault as fault:
-            announce(f"the virtual stage could not be measured, so it has no observer: {fault}")
-            return None
-    beside = response_path(believed, machine)
-    if beside.exists():
-        return load_measurement(beside)
-    return recorded
+def _announce(text: str) -> None:
+    click.echo(text, err=True)
 
 
 def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:

@@ -1,24 +1,29 @@
 from .checks import Checked, Substitutes, check, start_time
 from .execution import execute
 from .listener import Listener
+from .prepare import find_measurement
 from .recorded.documents import document_paths, is_calibration, rewrite_documents
 from .recorded.listing import ListedRun, list_runs
 from .recorded.resume import load_interrupted, recorded_measurement
-from .request import Resumed, RunRequest, RunResult
+from .request import HostSettings, Remarks, Resumed, RunRequest, RunResult, SimulatedStage
 from .run_history import RunHistory, software_version
 
 __all__ = [
     "Checked",
+    "HostSettings",
     "ListedRun",
     "Listener",
+    "Remarks",
     "Resumed",
     "RunHistory",
     "RunRequest",
     "RunResult",
+    "SimulatedStage",
     "Substitutes",
     "check",
     "document_paths",
     "execute",
+    "find_measurement",
     "is_calibration",
     "list_runs",
     "load_interrupted",

@@ -149,13 +149,13 @@ def _check_folder(folder: Path) -> None:
 def _check_effects(request: RunRequest, mapped: bool) -> tuple[KnownEffect, ...]:
     """The effects of the host's machine file; refuses those that cannot be compensated as asked."""
     machines = [request.machine]
-    if request.mode is Mode.ORACLE and request.truth is not None:
+    if request.host.mode is Mode.ORACLE and request.truth is not None:
         machines.append(request.truth)
     if not any(axis.effects for machine in machines for axis in machine.axes.values()):
         return ()  # the usual case, without loading what knows effects
     from stagectl.config.settings.known_effects import known_effects, known_terms
 
-    compensating = request.mode is not Mode.NONE
+    compensating = request.host.mode is not Mode.NONE
     if compensating:
         for machine in machines:
             known_terms(machine, mapped)
@@ -169,7 +169,7 @@ def _active_map(request: RunRequest) -> tuple[ActiveMap | None, float]:
         history = open_existing(request.history)
     try:
         started = start_time(history, request)
-        if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
+        if history is None or not request.host.use_map or request.host.mode is not Mode.ESTIMATED:
             return None, started
         from stagectl.maps import load_active
 

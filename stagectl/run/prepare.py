@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+from stagectl.errors import RunFault
 from stagectl.history import file_unfiled_runs, open_existing, open_history
 from stagectl.maps import ActiveMap
+from stagectl.measurement import (
+    Measurement,
+    load_measurement,
+    measure_virtual_stage,
+    response_path,
+)
 from stagectl.run.checks import Checked, Substitutes, check, is_mapped, stage_key
+from stagectl.run.compilation import compiled_by_two
+from stagectl.run.recorded.resume import recorded_measurement
 from stagectl.run.request import RunRequest
 from stagectl.sequencer import AxisCompensation, make_compensation
+from stagectl.store import RECORDING_NAME
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +91,45 @@ def _make_compensation(
     if request.resumed is not None:
         known = dict(request.resumed.friction)
     return make_compensation(
-        request.machine, request.mode, request.friction_scale, request.truth, known,
+        request.machine, request.host.mode, request.host.friction_scale, request.truth, known,
         None if active is None else active.drift, is_mapped(request, active),
         bool(request.recipe.excursions or request.recipe.slipped),
     )  # fmt: skip
+
+
+def find_measurement(
+    request: RunRequest,
+    given: Path | None,
+    machine: Path | None,
+    resume: Path | None,
+    announce: Callable[[str], object],
+) -> Measurement | None:
+    """The measurement of the stage by which the observers are designed; None without one.
+
+    Args:
+        request: what to run; checked first, for measuring a virtual stage takes a second.
+        given: file of the measurement; None: the run's that is resumed, a new one of a virtual
+            stage, or the one beside the machine file.
+        machine: machine file; None: the packaged one.
+        resume: folder of the run that is resumed, or None.
+        announce: called with what takes long, or went wrong.
+
+    Raises:
+        ConfigError, UnusableInput, StagectlError: a file cannot be used, or as `check`.
+    """
+    check(request)
+    if given is not None:
+        return load_measurement(given)
+    recorded = None if resume is None else recorded_measurement(resume / RECORDING_NAME)
+    truth = request.truth
+    if truth is not None and recorded is not None:
+        return recorded
+    if truth is not None:
+        try:
+            with compiled_by_two(request.machine, truth, lambda _: None):
+                return measure_virtual_stage(request.machine, truth, announce)
+        except RunFault as fault:
+            announce(f"the virtual stage could not be measured, so it has no observer: {fault}")
+            return None
+    beside = response_path(request.machine, machine)
+    return load_measurement(beside) if beside.exists() else recorded

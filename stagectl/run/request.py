@@ -21,6 +21,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
+class Remarks:
+    """What the operator says of a run: name and comment, one line each, or None."""
+
+    operator: str | None = None
+    comment: str | None = None
+
+    def or_of(self, resumed: Resumed | None) -> Remarks:
+        """These, and where they say nothing those of the run that is continued."""
+        if resumed is None:
+            return self
+        before = resumed.remarks
+        return Remarks(self.operator or before.operator, self.comment or before.comment)
+
+
+@dataclass(frozen=True, slots=True)
 class Resumed:
     """An interrupted run to be continued.
 
@@ -30,7 +45,7 @@ class Resumed:
         done: completed segments of the recipe (sites, or entries of a list of moves).
         friction: axis -> figures accepted last.
         verdicts: of the completed sites, where the recipe has limits.
-        operator, comment: of it, which the continuation keeps unless it is given others, or None.
+        remarks: on it, which the continuation keeps unless it is given others.
     """
 
     run: str
@@ -38,8 +53,7 @@ class Resumed:
     done: int
     friction: Mapping[str, Figures]
     verdicts: tuple[SiteVerdict, ...] = ()
-    operator: str | None = None
-    comment: str | None = None
+    remarks: Remarks = Remarks()
 
     @classmethod
     def from_note(cls, note: Mapping[str, Any]) -> Resumed:
@@ -70,67 +84,91 @@ class Resumed:
 
 
 @dataclass(frozen=True, slots=True)
+class SimulatedStage:
+    """The virtual stage of a run.
+
+    Attributes:
+        truth: the stage as it is.
+        seed: of its noise and repeatability.
+        faults: to inject; None for none.
+    """
+
+    truth: Machine
+    seed: int = 1
+    faults: FaultPlan | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HostSettings:
+    """What the host does about friction.
+
+    Attributes:
+        mode: of compensation.
+        friction_scale: factor on the friction figures that the host starts from.
+        use_map: use the history's active friction map, where there is one.
+        observer: correct force offsets by the settling observer, where an axis can have one.
+        measurement: of the stage's responses, by which the observers are designed; None where it
+            has not been measured: axes then have none, unless the machine file says so.
+    """
+
+    mode: Mode = Mode.ESTIMATED
+    friction_scale: float = 1.0
+    use_map: bool = True
+    observer: bool = True
+    measurement: Measurement | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class RunRequest:
     """What to run.
 
     Attributes:
         recipe: checked against `machine`.
         machine: the stage as the host believes it to be.
-        truth: the virtual stage as it is; None to use the machine's bus.
-        bus: (interface, channel) in place of the machine's.
-        mode: of compensation.
-        friction_scale: factor on the friction figures that the host starts from.
-        seed: of the virtual stage's noise and repeatability.
         folder: for the files.
         started: time of the run, with zone.
-        faults: to inject on the virtual stage; None for none.
+        simulated: the virtual stage; None to use the machine's bus.
+        host: what it does about friction.
+        bus: (interface, channel) in place of the machine's.
         retries: attempts to repeat a segment (a site) after a recoverable fault.
         resumed: the interrupted run to continue; None to start at the beginning.
         history: file or server for the friction estimates; None for none.
-        use_map: use the history's active friction map, where there is one.
-        operator, comment: one line each, or None.
-        observer: correct force offsets by the settling observer, where an axis can have one.
-        measurement: of the stage's responses, by which the observers are designed; None where it
-            has not been measured: axes then have none, unless the machine file says so.
+        remarks: of the operator.
     """
 
     recipe: Recipe
     machine: Machine
-    truth: Machine | None
-    bus: tuple[str, str] | None
-    mode: Mode
-    friction_scale: float
-    seed: int
     folder: Path
     started: datetime
-    faults: FaultPlan | None = None
+    simulated: SimulatedStage | None = None
+    host: HostSettings = HostSettings()
+    bus: tuple[str, str] | None = None
     retries: int = 0
     resumed: Resumed | None = None
     history: str | None = None
-    use_map: bool = True
-    operator: str | None = None
-    comment: str | None = None
-    observer: bool = True
-    measurement: Measurement | None = None
+    remarks: Remarks = Remarks()
+
+    @property
+    def truth(self) -> Machine | None:
+        """The virtual stage as it is; None for a real one."""
+        return None if self.simulated is None else self.simulated.truth
 
     def as_note(self) -> dict[str, Any]:
         """What the recording keeps of it, to resume, replay or summarise the run."""
-        resumed, limits = self.resumed, self.recipe.limits
+        resumed, limits, host, truth = self.resumed, self.recipe.limits, self.host, self.truth
         return {
-            "compensation": self.mode.value,
-            "friction_scale": self.friction_scale,
-            "observer": self.observer,
-            "measurement": None if self.measurement is None else self.measurement.as_text(),
-            "seed": self.seed,
-            "simulated": self.truth is not None,
-            "truth": None
-            if self.truth is None or self.mode is not Mode.ORACLE
-            else self.truth.text,
+            "compensation": host.mode.value,
+            "friction_scale": host.friction_scale,
+            "observer": host.observer,
+            "measurement": None if host.measurement is None else host.measurement.as_text(),
+            "seed": 1 if self.simulated is None else self.simulated.seed,
+            "simulated": truth is not None,
+            "truth": None if truth is None or host.mode is not Mode.ORACLE else truth.text,
             "bus": None if self.bus is None else list(self.bus),
             "files": {
                 "recipe": self.recipe.source,
                 "machine": self.machine.source,
-                "truth": None if self.truth is None else self.truth.source,
+                "truth": None if truth is None else truth.source,
             },
             "retries": self.retries,
             "calibration": bool(self.recipe.excursions),
@@ -143,9 +181,9 @@ class RunRequest:
                 "peak_error": limits.peak_error,
                 "window": self.recipe.settle.window,
             },
-            "use_map": self.use_map,
-            "operator": self.operator,
-            "comment": self.comment,
+            "use_map": host.use_map,
+            "operator": self.remarks.operator,
+            "comment": self.remarks.comment,
             "resumed": None if resumed is None else resumed.as_note(),
         }
 

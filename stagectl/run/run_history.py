@@ -143,10 +143,10 @@ class RunHistory:
 
 def run_entry(request: RunRequest, started: float) -> RunEntry:
     """A run as entered in the history; `started` is its `start_time`."""
-    simulated = request.truth is not None
+    simulated = request.simulated
     recipe, machine = request.recipe, request.machine
     return RunEntry(
-        StageKey(machine.name, simulated),
+        StageKey(machine.name, simulated is not None),
         tuple(machine.axes),
         started,
         recipe.name,
@@ -155,8 +155,8 @@ def run_entry(request: RunRequest, started: float) -> RunEntry:
         software_version(),
         str(request.folder.absolute()),
         purpose="calibration" if recipe.excursions else "production",
-        seed=request.seed if simulated else None,
+        seed=None if simulated is None else simulated.seed,
         uuid=uuid4().hex,
-        operator=request.operator,
-        comment=request.comment,
+        operator=request.remarks.operator,
+        comment=request.remarks.comment,
     )

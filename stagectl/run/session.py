@@ -61,11 +61,11 @@ class Session:
         self._compensation = ready.compensation
         self._places = self._places_of(active)
         self._observers: Observers | None = None
-        if request.observer:
+        if request.host.observer:
             self._observers = Observers(
                 request.machine,
                 ready.compensation,
-                request.measurement,
+                request.host.measurement,
                 simulated=request.truth is not None or substitutes is not None,
                 out=self._out_since_before(),
             )
@@ -82,7 +82,7 @@ class Session:
         request = self._request
         if request.truth is not None or self._substitutes is not None:
             return {}
-        measurement = request.measurement
+        measurement = request.host.measurement
         return read_out(request.machine, None if measurement is None else measurement.measured)
 
     def _places_of(self, active: ActiveMap | None) -> Places | None:
@@ -173,7 +173,7 @@ class Session:
 
     def _name_effects_left(self) -> None:
         """Say which effects of the machine file the host does not make up for, and why."""
-        if self._request.mode is Mode.NONE:
+        if self._request.host.mode is Mode.NONE:
             return
         for effect in self._record.effects:
             if not effect.compensated:

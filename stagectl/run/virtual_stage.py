@@ -35,14 +35,16 @@ def virtual_stage(
         yield bus, ()
         return
     channel = f"run-{id(request)}"
-    stage = VirtualStage(settings, request.seed)
+    simulated = request.simulated
+    assert simulated is not None  # noqa: S101 - its settings are given
+    stage = VirtualStage(settings, simulated.seed)
     # The world is referenced here, for the registry of worlds does not keep it alive.
     injected: Sequence[InjectedFault] = ()
-    if request.faults is None:
+    if simulated.faults is None:
         world = World(channel)
         stage.attach(world)
     else:
-        world = faulty = FaultyWorld(channel, request.faults)
+        world = faulty = FaultyWorld(channel, simulated.faults)
         faulty.power_on(stage)
         injected = faulty.injected
     switched_on(stage, world)

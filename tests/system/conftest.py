@@ -15,7 +15,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
 from stagectl.sequencer import Mode
 from tests.command import stagectl
 from tests.postgres import Server, serve
@@ -77,18 +77,17 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         request = RunRequest(
             load_recipe(recipe, host),
             host,
-            truth or host,
-            None,
-            Mode(mode),
-            scale,
-            seed,
             folder or tmp_path_factory.mktemp("run"),
             datetime.now(UTC),
-            faults=faults,
-            observer=observer,
-            measurement=measure_virtual_stage(host, measured or truth or host)
-            if observer
-            else None,
+            simulated=SimulatedStage(truth or host, seed, faults),
+            host=HostSettings(
+                mode=Mode(mode),
+                friction_scale=scale,
+                observer=observer,
+                measurement=measure_virtual_stage(host, measured or truth or host)
+                if observer
+                else None,
+            ),
         )
         return execute(request, listener or Listener())
 

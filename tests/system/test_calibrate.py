@@ -18,8 +18,8 @@ from stagectl.config.machine.file import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history import StageKey, open_history
 from stagectl.maps import map_versions
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode, SegmentDone
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
+from stagectl.sequencer import SegmentDone
 from stagectl.store import read_notes
 from tests.short_recipe import short_recipe
 
@@ -94,9 +94,13 @@ def killed(machine, tmp_path_factory):
     (folder / "sites.yaml").write_text(SITES)
     calibration = load_calibration(folder / "sites.yaml", machine)
     request = RunRequest(
-        calibration.at(calibration.recipe.sites), machine, machine, None, Mode.ESTIMATED, 1.0, 1,
-        folder / "killed", datetime.now(UTC), history=str(folder / "stage.db"),
-    )  # fmt: skip
+        calibration.at(calibration.recipe.sites),
+        machine,
+        folder / "killed",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        history=str(folder / "stage.db"),
+    )
     child = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
     child.start()
     child.join(100)

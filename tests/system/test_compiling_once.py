@@ -19,14 +19,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from stagectl.config import load_machine
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 
 recipe, folder = map(Path, sys.argv[1:])
 machine = load_machine()
 request = RunRequest(
-    load_recipe(recipe, machine), machine, machine, None, Mode.ESTIMATED, 1.0, 1, folder,
-    datetime.now(UTC),
+    load_recipe(recipe, machine), machine, folder, datetime.now(UTC),
+    simulated=SimulatedStage(machine),
 )
 result = execute(request, Listener(phase=print))
 assert result.error is None, result.error

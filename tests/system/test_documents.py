@@ -21,7 +21,15 @@ from stagectl.cli.outcome import render_outcome
 from stagectl.errors import LimitsMissed
 from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute, list_runs
+from stagectl.run import (
+    HostSettings,
+    Listener,
+    Remarks,
+    RunRequest,
+    SimulatedStage,
+    execute,
+    list_runs,
+)
 from stagectl.sequencer import Mode, SegmentDone
 from tests.short_recipe import short_recipe
 from tests.signals import as_in_a_terminal
@@ -39,9 +47,13 @@ def made(machine, tmp_path_factory):
         folder = tmp_path_factory.mktemp("made")
         (folder / "r.yaml").write_text(text)
         request = RunRequest(
-            parse_recipe(text, str(folder / "r.yaml"), machine), machine, machine, None,
-            Mode.ESTIMATED, 1.0, 1, folder / "run", datetime.now(UTC), **other,
-        )  # fmt: skip
+            parse_recipe(text, str(folder / "r.yaml"), machine),
+            machine,
+            folder / "run",
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine),
+            **other,
+        )
         stops = []
 
         def event(happened):
@@ -56,7 +68,7 @@ def made(machine, tmp_path_factory):
 @pytest.fixture(scope="module")
 def stopped(made):
     """A run of four sites that the operator stopped after two."""
-    return made(WIDE, stop=2, operator="Ada", comment="first of the lot")
+    return made(WIDE, stop=2, remarks=Remarks("Ada", "first of the lot"))
 
 
 def stagectl(*arguments):
@@ -148,7 +160,11 @@ def test_the_command_continues_the_run_and_completes_the_verdict(stopped):
 
 def test_options_of_the_run_are_in_the_command_that_continues_it(made):
     result, _ = made(
-        short_recipe(*PLACES), stop=1, retries=2, history=None, use_map=False, operator="Ada"
+        short_recipe(*PLACES),
+        stop=1,
+        retries=2,
+        host=HostSettings(use_map=False),
+        remarks=Remarks("Ada"),
     )
     words = shlex.split(result.summary["interrupted"]["resume"])
     assert words[4:-2] == ["--retries", "2", "--map", "none", "--history", "none"]
@@ -196,9 +212,13 @@ def killed(machine, tmp_path_factory):
     folder = tmp_path_factory.mktemp("killed")
     (folder / "r.yaml").write_text(WIDE)
     request = RunRequest(
-        parse_recipe(WIDE, str(folder / "r.yaml"), machine), machine, machine, None,
-        Mode.ESTIMATED, 1.0, 1, folder / "run", datetime.now(UTC), operator="Grace",
-    )  # fmt: skip
+        parse_recipe(WIDE, str(folder / "r.yaml"), machine),
+        machine,
+        folder / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        remarks=Remarks(operator="Grace"),
+    )
     process = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
     process.start()
     process.join()
@@ -225,9 +245,14 @@ def test_recover_writes_summary_and_report(killed):
 def test_a_run_that_never_reached_its_stage_resumes_nothing(machine, tmp_path):
     """Its summary still says what happened; `runs` lists it."""
     request = RunRequest(
-        parse_recipe(WIDE, "r.yaml", machine), machine, None, ("virtual", "nobody"), Mode.NONE,
-        1.0, 1, tmp_path / "run", datetime.now(UTC), comment="nobody there",
-    )  # fmt: skip
+        parse_recipe(WIDE, "r.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        host=HostSettings(mode=Mode.NONE),
+        remarks=Remarks(comment="nobody there"),
+        bus=("virtual", "nobody"),
+    )
     told = execute(request, Listener()).summary["interrupted"]
     assert (told["done"], told["at"], told["resume"]) == (0, None, None)
     (listed,) = list_runs(tmp_path)
@@ -238,7 +263,7 @@ def test_a_run_that_never_reached_its_stage_resumes_nothing(machine, tmp_path):
 def test_runs_are_listed_with_what_is_known_of_them(stopped, killed, made, tmp_path):
     runs = tmp_path / "runs"
     runs.mkdir()
-    for number, folder in enumerate((stopped[1], made(TIGHT, operator="Ada")[1])):
+    for number, folder in enumerate((stopped[1], made(TIGHT, remarks=Remarks("Ada"))[1])):
         (runs / f"run-{number}").symlink_to(folder)
     (runs / "torn").mkdir()
     (runs / "torn" / "summary.json").write_text("{")
@@ -287,15 +312,19 @@ def test_operator_and_comment_are_kept(tmp_path, machine):
 
 def test_a_run_in_progress_is_listed_as_running(machine, tmp_path):
     request = RunRequest(
-        parse_recipe(WIDE, "r.yaml", machine), machine, machine, None, Mode.NONE, 1.0, 1,
-        tmp_path / "run", datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(WIDE, "r.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(mode=Mode.NONE),
+    )
     seen = []
 
     def event(happened):
         if isinstance(happened, SegmentDone) and happened.number == 1:
             seen.extend(list_runs(tmp_path))
 
-    execute(replace(request, operator="Ada"), Listener(event=event))
+    execute(replace(request, remarks=Remarks("Ada")), Listener(event=event))
     (listed,) = seen
     assert (listed.outcome, listed.operator, listed.done, listed.of) == ("running", "Ada", 1, 4)

@@ -11,8 +11,8 @@ from benchmarks.robustness import fault_campaign as campaign
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import FrictionUpdated, Mode
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
+from stagectl.sequencer import FrictionUpdated
 from stagectl.store import read_recording
 
 
@@ -29,9 +29,12 @@ def run_with(machine, recipe, tmp_path):
         watch = campaign.Watch()
         listener = listener or Listener(switched_on=watch)
         request = RunRequest(
-            recipe, machine, machine, None, Mode.ESTIMATED, 1.0, seed, tmp_path / folder,
-            datetime.now(UTC), f.FaultPlan(tuple(faults), seed),
-        )  # fmt: skip
+            recipe,
+            machine,
+            tmp_path / folder,
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine, seed, f.FaultPlan(tuple(faults), seed)),
+        )
         return execute(request, listener), tmp_path / folder, watch
 
     return go

@@ -13,7 +13,7 @@ from stagectl.config.machine.file import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history import StageKey, file_unfiled_runs, open_history, runs_in
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.run.record import RunRecord
 from stagectl.sequencer import FrictionUpdated, LevelStepped, Mode
 from tests.short_recipe import short_recipe
@@ -26,9 +26,13 @@ STAGE = StageKey("wafer-xy", True)
 @pytest.fixture
 def request_(machine, tmp_path):
     return RunRequest(
-        parse_recipe(SHORT, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED, 1.0, 1,
-        tmp_path / "run", datetime.now(UTC), history=str(tmp_path / "stage.db"),
-    )  # fmt: skip
+        parse_recipe(SHORT, "short.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        history=str(tmp_path / "stage.db"),
+    )
 
 
 def test_every_estimate_of_a_run_is_in_the_history(request_, tmp_path):
@@ -130,7 +134,9 @@ def test_a_run_beside_a_server_that_hangs_and_the_next_one_that_files_it(request
         assert result.summary["outcome"] == "completed"
         assert result.summary["history"]["filed"] < len(made)
     said = []
-    execute(replace(request_, history=url, mode=Mode.NONE), Listener(phase=said.append))
+    execute(
+        replace(request_, history=url, host=HostSettings(Mode.NONE)), Listener(phase=said.append)
+    )
     assert any(line.endswith(f"an earlier run left in {request_.folder}") for line in said)
     history = open_history(url)
     assert sum(history.counted(STAGE)) == len(made)

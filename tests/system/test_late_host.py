@@ -11,8 +11,7 @@ from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import make_fiducial, parse_recipe
-from stagectl.run import Listener, RunRequest, Substitutes, execute
-from stagectl.sequencer import Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, Substitutes, execute
 
 RECIPE = """\
 recipe: slow
@@ -53,9 +52,13 @@ def test_a_host_that_is_woken_late_learns_the_friction(machine, tmp_path, seed):
     stage.attach(world)
     recipe = parse_recipe(RECIPE, "slow.yaml", machine)
     request = RunRequest(
-        recipe, machine, machine, None, Mode.ESTIMATED, 0.7, seed, tmp_path, datetime.now(UTC),
-        observer=False,  # with it, moves excite less of what is to be learned
-    )  # fmt: skip
+        recipe,
+        machine,
+        tmp_path,
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine, seed),
+        host=HostSettings(friction_scale=0.7, observer=False),
+    )
     with LockstepBus(world.name) as bus:
         substitutes = Substitutes(bus, make_fiducial(recipe.fiducial))
         summary = execute(request, Listener(), substitutes).summary

@@ -19,7 +19,7 @@ from stagectl.measurement import Measurement, parse_measurement
 from stagectl.recipe import Recipe
 from stagectl.run.recorded.documents import read_run, rewrite_documents
 from stagectl.run.recorded.summarise import site_verdicts, summarise
-from stagectl.run.request import Resumed
+from stagectl.run.request import Remarks, Resumed
 from stagectl.sequencer import Figures
 from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
 
@@ -95,8 +95,8 @@ def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
                 event["parameters"], float(event.get("local", 1.0))
             )
     done.append(0 if before is None else before.done)
-    who, why = run.get("operator"), run.get("comment")
-    return Resumed(str(folder), notes.started, max(done), friction, operator=who, comment=why)
+    remarks = Remarks(run.get("operator"), run.get("comment"))
+    return Resumed(str(folder), notes.started, max(done), friction, remarks=remarks)
 
 
 def _figures(parameters: Mapping[str, Sequence[float]], local: float) -> Figures:

@@ -22,7 +22,7 @@ from stagectl.run.checks import Substitutes
 from stagectl.run.execution import execute
 from stagectl.run.listener import Listener
 from stagectl.run.replay.bus import Difference, ReplayBus
-from stagectl.run.request import Resumed, RunRequest
+from stagectl.run.request import HostSettings, Resumed, RunRequest, SimulatedStage
 from stagectl.sequencer import Mode
 from stagectl.store import LOG_NAME, RECORDING_NAME, RunNotes, read_log, read_notes, recover_folder
 
@@ -144,20 +144,23 @@ def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:
 def _request(
     notes: RunNotes, run: Mapping[str, Any], machine: Machine, scratch: Path
 ) -> RunRequest:
-    truth, resumed = run["truth"], run["resumed"]
+    seed, text, resumed = int(run["seed"]), run["truth"], run["resumed"]
+    simulated = None
+    if text is not None:
+        simulated = SimulatedStage(parse_machine(text, str(run["files"]["truth"])), seed)
     return RunRequest(
-        recipe=parse_recipe(notes.recipe, str(run["files"]["recipe"]), machine),
-        machine=machine,
-        truth=None if truth is None else parse_machine(truth, str(run["files"]["truth"])),
-        bus=None,
-        mode=Mode(run["compensation"]),
-        friction_scale=float(run["friction_scale"]),
-        seed=int(run["seed"]),
-        folder=scratch,
-        started=datetime.now(UTC),
+        parse_recipe(notes.recipe, str(run["files"]["recipe"]), machine),
+        machine,
+        scratch,
+        datetime.now(UTC),
+        simulated,
+        host=HostSettings(
+            mode=Mode(run["compensation"]),
+            friction_scale=float(run["friction_scale"]),
+            observer=bool(run.get("observer", False)),
+            measurement=_measurement(run),
+        ),
         retries=int(run["retries"]),
-        observer=bool(run.get("observer", False)),
-        measurement=_measurement(run),
         resumed=None if resumed is None else Resumed.from_note(resumed),
     )
 

@@ -10,8 +10,7 @@ from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
 from stagectl.importing import load_map
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from tests.unit.stagectl.logged_data import EXAMPLE
 from tests.unit.stagectl.run.whole import SITES
 
@@ -47,12 +46,18 @@ def sites(machine):
 def go(machine, tmp_path):
     """Run a recipe on the virtual stage."""
 
-    def run(recipe, folder, *, faults=(), listener=None, **options):
+    def run(recipe, folder, *, faults=(), listener=None, scale=1.0, measurement=None, **options):
         request = RunRequest(
-            recipe, machine, machine, None, Mode.ESTIMATED, options.pop("scale", 1.0), 1,
-            tmp_path / folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1) if faults else None,
+            recipe,
+            machine,
+            tmp_path / folder,
+            datetime.now(UTC),
+            simulated=SimulatedStage(
+                machine, faults=f.FaultPlan(tuple(faults), 1) if faults else None
+            ),
+            host=HostSettings(friction_scale=scale, measurement=measurement),
             **options,
-        )  # fmt: skip
+        )
         return execute(request, listener or Listener())
 
     return run

@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 from stagectl.calibration import calibrate, calibration_as_json, load_calibration
 from stagectl.calibration.execution import resume_calibration
-from stagectl.run import Listener, RunRequest
-from stagectl.sequencer import Mode, SegmentDone
+from stagectl.run import HostSettings, Listener, Remarks, RunRequest, SimulatedStage
+from stagectl.sequencer import SegmentDone
 
 SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
 
@@ -20,10 +20,15 @@ def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_pat
             stops[0]("stopped by the operator")
 
     request = RunRequest(
-        calibration.at(calibration.recipe.sites), machine, machine, None, Mode.ESTIMATED, 1.0, 1,
-        tmp_path / "run", datetime.now(UTC), history=str(tmp_path / "stage.db"), operator="Ada",
-        observer=False,
-    )  # fmt: skip
+        calibration.at(calibration.recipe.sites),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(observer=False),
+        remarks=Remarks(operator="Ada"),
+        history=str(tmp_path / "stage.db"),
+    )
     result = calibrate(request, calibration, [], Listener(event=event, stoppable=stops.append))
     assert "stopped by the operator" in str(result.error)
     assert f"--resume {tmp_path / 'run'}" in result.command
@@ -34,6 +39,6 @@ def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_pat
     assert [(site["site"], site["axis"]) for site in written["sites"]] == [(1, "x"), (1, "y")]
 
     continued, before = resume_calibration(request, calibration, tmp_path / "run")
-    assert (continued.resumed.done, continued.operator) == (1, "Ada")
+    assert (continued.resumed.done, continued.remarks.operator) == (1, "Ada")
     assert continued.recipe.sites == request.recipe.sites
     assert {estimate["axis"] for estimate in before} == {"x", "y"}

@@ -19,8 +19,7 @@ from stagectl.config import parse_machine, stage_settings
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 from stagectl.store import read_recording, write_recording
 
 DATA = Path(__file__).parents[3] / "data"
@@ -100,7 +99,7 @@ def test_a_stage_that_follows_well_does_not_tell_its_mass_from_the_ripple(tmp_pa
     machine = load_machine(None)
     recipe = load_recipe(RECIPE, machine)
     request = RunRequest(
-        recipe, machine, machine, None, Mode.ESTIMATED, 1.0, 1, tmp_path, datetime.now(UTC)
+        recipe, machine, tmp_path, datetime.now(UTC), simulated=SimulatedStage(machine)
     )
     assert execute(request, Listener()).error is None
     mass = identify_axis([read_recording(tmp_path / "recording.h5")], machine, "x")["mass"]

@@ -10,8 +10,7 @@ from rich.console import Console
 
 from stagectl.cli.outcome import render_outcome
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.store import SPOOL_NAME
 from tests.unit.stagectl.run.whole import SITES
 
@@ -21,9 +20,13 @@ def finished(machine, tmp_path_factory):
     """The result of a run of five sites that learns friction from half of it."""
     folder = tmp_path_factory.mktemp("finished")
     request = RunRequest(
-        parse_recipe(SITES, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED,
-        0.5, 1, folder, datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(SITES, "short.yaml", machine),
+        machine,
+        folder,
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(friction_scale=0.5),
+    )
     return execute(request, Listener()), folder
 
 

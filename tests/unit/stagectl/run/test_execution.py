@@ -6,7 +6,7 @@ import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import Mode
 from stagectl.store import Journal, JournalHeader, read_recording
 from tests.short_recipe import short_recipe
@@ -18,9 +18,9 @@ def request_of(machine, tmp_path):
     def make(**changes):
         recipe = parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine)
         given = {
-            "recipe": recipe, "machine": machine, "truth": machine, "bus": None,
-            "mode": Mode.NONE, "friction_scale": 1.0, "seed": 1, "folder": tmp_path / "run",
-            "started": datetime.now(UTC),
+            "recipe": recipe, "machine": machine, "folder": tmp_path / "run",
+            "started": datetime.now(UTC), "simulated": SimulatedStage(machine),
+            "host": HostSettings(Mode.NONE),
         }  # fmt: skip
         return RunRequest(**{**given, **changes})
 
@@ -28,7 +28,7 @@ def request_of(machine, tmp_path):
 
 
 def test_no_folder_is_made_before_the_bus_is_open(request_of, tmp_path):
-    request = request_of(truth=None, bus=("socketcan", "no-such-interface"))
+    request = request_of(simulated=None, bus=("socketcan", "no-such-interface"))
     with pytest.raises(UnusableInput, match="no-such-interface"):
         execute(request, Listener())
     assert list(tmp_path.iterdir()) == []
@@ -54,9 +54,9 @@ def test_the_journal_of_a_killed_run_is_recovered_beside_the_new_recording(reque
     assert len(read_recording(folder / "recording.h5")) == len(result.recording)
 
 
-def test_the_files_of_an_earlier_run_are_set_aside(request_of, tmp_path):
+def test_the_files_of_an_earlier_run_are_set_aside(request_of, machine, tmp_path):
     first = execute(request_of(), Listener())
-    second = execute(request_of(seed=2), Listener())
+    second = execute(request_of(simulated=SimulatedStage(machine, 2)), Listener())
     kept, new = tmp_path / "run" / "previous", tmp_path / "run"
     assert {p.name for p in kept.iterdir()} == {
         "recording.h5", "summary.json", "report.html", "bus.asc",

@@ -6,9 +6,8 @@ import pytest
 
 from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, Resumed, RunRequest, execute
+from stagectl.run import HostSettings, Listener, Resumed, RunRequest, SimulatedStage, execute
 from stagectl.run.prepare import file_earlier_runs, prepare
-from stagectl.sequencer import Mode
 from tests.short_recipe import short_recipe
 
 
@@ -16,12 +15,16 @@ from tests.short_recipe import short_recipe
 def request_of(machine, tmp_path):
     recipe = parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine)
 
-    def make(folder="run", **changes):
-        given = {"mode": Mode.ESTIMATED, "friction_scale": 1.0, **changes}
+    def make(folder="run", friction_scale=1.0, **given):
         return RunRequest(
-            recipe=recipe, machine=machine, truth=machine, bus=None, seed=1,
-            folder=tmp_path / folder, started=datetime.now(UTC), **given,
-        )  # fmt: skip
+            recipe,
+            machine,
+            tmp_path / folder,
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine),
+            host=HostSettings(friction_scale=friction_scale),
+            **given,
+        )
 
     return make
 

@@ -9,9 +9,9 @@ import pytest
 
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe import parse_recipe
-from stagectl.run import RunRequest
+from stagectl.run import RunRequest, SimulatedStage
 from stagectl.run.record import RunRecord
-from stagectl.sequencer import FrictionUpdated, Mode, Retrying, SegmentDone
+from stagectl.sequencer import FrictionUpdated, Retrying, SegmentDone
 from stagectl.store import read_journal_notes, read_notes
 from stagedata import FrictionFigures
 from tests.short_recipe import short_recipe
@@ -24,9 +24,7 @@ def request_(machine, tmp_path):
     recipe = parse_recipe(short_recipe((0.01, 0.0), (0.02, 0.0)), "r.yaml", machine)
     folder = tmp_path / "run"
     folder.mkdir()
-    return RunRequest(
-        recipe, machine, machine, None, Mode.ESTIMATED, 1.0, 1, folder, datetime.now(UTC)
-    )
+    return RunRequest(recipe, machine, folder, datetime.now(UTC), simulated=SimulatedStage(machine))
 
 
 @pytest.fixture

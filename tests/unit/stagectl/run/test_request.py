@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib import resources
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from stagectl.config import load_machine
 from stagectl.recipe import parse_recipe
-from stagectl.run import Resumed, RunRequest
+from stagectl.run import HostSettings, Remarks, Resumed, RunRequest, SimulatedStage
 from stagectl.sequencer import Mode, SiteVerdict
 
 MACHINE = load_machine()
@@ -27,9 +28,9 @@ RESUMED = Resumed(
 def request(**changes: Any) -> RunRequest:
     return RunRequest(
         **{
-            "recipe": RECIPE, "machine": MACHINE, "truth": MACHINE, "bus": None,
-            "mode": Mode.ESTIMATED, "friction_scale": 1.0, "seed": 3, "folder": Path("runs/b"),
-            "started": datetime(2026, 11, 22, tzinfo=UTC), **changes,
+            "recipe": RECIPE, "machine": MACHINE, "folder": Path("runs/b"),
+            "started": datetime(2026, 11, 22, tzinfo=UTC),
+            "simulated": SimulatedStage(MACHINE, 3), **changes,
         }
     )  # fmt: skip
 
@@ -38,6 +39,12 @@ def test_an_interrupted_run_comes_back_from_its_note_as_json() -> None:
     note = json.loads(json.dumps(RESUMED.as_note()))
     assert Resumed.from_note(note) == RESUMED
     assert RESUMED.link() == {"run": "runs/a", "started": RESUMED.started, "done": 7}
+
+
+def test_a_continuation_keeps_the_remarks_that_it_is_not_given_anew() -> None:
+    before = replace(RESUMED, remarks=Remarks("Ada", "first of the lot"))
+    assert Remarks("Grace").or_of(before) == Remarks("Grace", "first of the lot")
+    assert Remarks("Grace").or_of(None) == Remarks("Grace")
 
 
 def test_a_note_without_verdicts_is_of_a_recipe_without_limits() -> None:
@@ -62,7 +69,7 @@ def test_the_note_has_what_the_recipe_counts_and_limits() -> None:
 
 def test_the_truth_goes_into_the_note_only_where_the_host_knew_it() -> None:
     assert request().as_note()["truth"] is None
-    assert request(mode=Mode.ORACLE).as_note()["truth"] == MACHINE.text
-    real = request(truth=None, bus=("socketcan", "can0")).as_note()
+    assert request(host=HostSettings(Mode.ORACLE)).as_note()["truth"] == MACHINE.text
+    real = request(simulated=None, bus=("socketcan", "can0")).as_note()
     assert (real["simulated"], real["truth"], real["files"]["truth"]) == (False, None, None)
     assert real["bus"] == ["socketcan", "can0"]

@@ -10,7 +10,7 @@ from hil_sim.cia402 import State
 from stagectl.config.machine import Effect
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import DriveLimited, EffectLeft, Mode, MoveStarted
 from stagectl.store import read_notes, read_recording
 from tests.short_recipe import short_recipe
@@ -29,9 +29,13 @@ def test_a_stop_that_a_finalizer_swallows_is_not_lost(machine, tmp_path, during)
                 stops[0]("stopped by the operator (Ctrl-C)")
 
     request = RunRequest(
-        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine), machine, machine, None,
-        Mode.NONE, 1.0, 1, tmp_path / "run", datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(mode=Mode.NONE),
+    )
     result = execute(request, Listener(phase=phase, stoppable=stops.append))
     assert isinstance(result.error, Aborted)
     assert "Ctrl-C" in str(result.error)
@@ -100,9 +104,13 @@ def test_effects_that_are_not_compensated_are_named_where_anything_is(machine, t
     host = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
     events = []
     request = RunRequest(
-        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", host), host, host, None, mode, 1.0, 1,
-        tmp_path / "run", datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", host),
+        host,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(host),
+        host=HostSettings(mode=mode),
+    )
     result = execute(request, Listener(event=events.append))
     left = [e.text for e in events if isinstance(e, EffectLeft)]
     assert len(left) == (mode is Mode.ESTIMATED)

@@ -9,7 +9,7 @@ from drivers.canopen import open_bus
 from hil_sim.bus import faults as f
 from stagectl.config import driver_settings, stage_settings
 from stagectl.recipe import parse_recipe
-from stagectl.run import RunRequest
+from stagectl.run import HostSettings, RunRequest, SimulatedStage
 from stagectl.run.virtual_stage import virtual_stage
 from stagectl.sequencer import Mode
 from tests.short_recipe import short_recipe
@@ -21,9 +21,13 @@ def request_of(machine, tmp_path):
 
     def make(**changes):
         return RunRequest(
-            recipe, machine, machine, None, Mode.NONE, 1.0, 3, tmp_path, datetime.now(UTC),
-            **changes,
-        )  # fmt: skip
+            recipe,
+            machine,
+            tmp_path,
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine, 3, **changes),
+            host=HostSettings(mode=Mode.NONE),
+        )
 
     return make
 

@@ -10,8 +10,10 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
 from stagectl.run import (
+    HostSettings,
     Listener,
     RunRequest,
+    SimulatedStage,
     document_paths,
     execute,
     is_calibration,
@@ -25,9 +27,13 @@ from tests.short_recipe import short_recipe
 def made(machine, tmp_path):
     """The recording of a run of one site."""
     request = RunRequest(
-        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine), machine, machine, None,
-        Mode.NONE, 1.0, 1, tmp_path / "run", datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(mode=Mode.NONE),
+    )
     execute(request, Listener())
     return tmp_path / "run" / "recording.h5"
 

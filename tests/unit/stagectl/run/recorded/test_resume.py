@@ -11,9 +11,9 @@ import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, load_interrupted
+from stagectl.run import Listener, RunRequest, SimulatedStage, load_interrupted
 from stagectl.run.replay import replay
-from stagectl.sequencer import Exposed, Mode
+from stagectl.sequencer import Exposed
 from stagectl.store import (
     read_log,
     read_notes,
@@ -176,9 +176,13 @@ def interrupted(sites, machine, tmp_path):
         folder = tmp_path / "made"
         folder.mkdir(exist_ok=True)
         request = RunRequest(
-            sites, machine, machine, None, Mode.ESTIMATED, 1.0, 1, folder, datetime.now(UTC),
+            sites,
+            machine,
+            folder,
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine),
             resumed=before,
-        )  # fmt: skip
+        )
         none = np.zeros(1)
         axes = {
             name: AxisSignals(none, none, none, none, None, none == 0.0) for name in machine.axes

@@ -9,10 +9,10 @@ import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 from stagectl.run.recorded.documents import read_run
 from stagectl.run.recorded.summarise import run_note, site_verdicts, summarise
-from stagectl.sequencer import Mode, SegmentDone, SiteVerdict
+from stagectl.sequencer import SegmentDone, SiteVerdict
 from tests.short_recipe import short_recipe
 
 PLACES = ((0.004, 0.0), (0.008, 0.0), (0.004, 0.004))
@@ -30,9 +30,12 @@ def stopped(machine, tmp_path_factory):
             stops[0]("stopped by the operator")
 
     request = RunRequest(
-        parse_recipe(text, str(folder / "r.yaml"), machine), machine, machine, None,
-        Mode.ESTIMATED, 1.0, 1, folder / "run", datetime.now(UTC),
-    )  # fmt: skip
+        parse_recipe(text, str(folder / "r.yaml"), machine),
+        machine,
+        folder / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+    )
     execute(request, Listener(event=event, stoppable=stops.append))
     path = folder / "run" / "recording.h5"
     return (*read_run(path), path)

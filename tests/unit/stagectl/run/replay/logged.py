@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 
 from hil_sim.bus import faults as f
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from tests.short_recipe import short_recipe
 
 RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
@@ -14,9 +13,14 @@ RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
 
 def run(machine, folder, *faults, listener=None, retries=0):
     request = RunRequest(
-        parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED, 0.5,
-        1, folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1), retries,
-    )  # fmt: skip
+        parse_recipe(RECIPE, "short.yaml", machine),
+        machine,
+        folder,
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine, faults=f.FaultPlan(tuple(faults), 1)),
+        host=HostSettings(friction_scale=0.5),
+        retries=retries,
+    )
     return execute(request, listener or Listener())
 
 

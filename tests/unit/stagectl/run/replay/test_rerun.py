@@ -15,9 +15,9 @@ from stagectl.history import StageKey, open_history
 from stagectl.maps import FrictionMap, to_json
 from stagectl.maps.model import MapAxis, MapSite
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 from stagectl.run.replay import replay
-from stagectl.sequencer import Mode, MoveStarted
+from stagectl.sequencer import MoveStarted
 from stagectl.store import BusLog, read_log
 from tests.unit.stagectl.run.replay.logged import RECIPE, run
 
@@ -100,9 +100,13 @@ def test_a_run_by_a_map_goes_by_it_as_it_stood(machine, tmp_path):
     history.close()
     for wafer in range(2):
         request = RunRequest(
-            parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED,
-            1.0, wafer, tmp_path / str(wafer), datetime.now(UTC), history=str(where),
-        )  # fmt: skip
+            parse_recipe(RECIPE, "short.yaml", machine),
+            machine,
+            tmp_path / str(wafer),
+            datetime.now(UTC),
+            simulated=SimulatedStage(machine, wafer),
+            history=str(where),
+        )
         assert execute(request, Listener()).summary["outcome"] == "completed"
     where.unlink()
     again = replay(tmp_path / "1")
