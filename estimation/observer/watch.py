@@ -175,7 +175,7 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
         restart_block(watched)
         watched.wait = max(watched.wait, 1)
         watched.last_power = watched.last_error = 0.0
-    if watched.mode == WATCHING and grows(watched, now, deviation, bound, steady):
+    if watched.mode == WATCHING and grows(figures, watched, now, deviation, bound, steady):
         freeze(figures, watched, now, OUT)
         note(watched, GROWS, abs(deviation), 0.0)
         return
@@ -194,12 +194,15 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
 
 
 @kernel()
-def grows(watched, now, deviation, bound, steady):  # type: ignore[no-untyped-def]
-    """Whether a deviation is at a new peak, the correction having moved far against it."""
+def grows(figures, watched, now, deviation, bound, steady):  # type: ignore[no-untyped-def]
+    """Whether a deviation is at a new peak, the correction having moved far against it.
+
+    A new peak is above the last by more than is unavoidable: an axis that sticks stays where it is.
+    """
     if not steady or watched.wait > 0 or (deviation > 0.0) != (watched.peak > 0.0):
         watched.peak, watched.pushed_from = deviation, now.correction
         return False
-    if abs(deviation) <= abs(watched.peak):
+    if abs(deviation) <= abs(watched.peak) + math.sqrt(figures.floor):
         return False
     watched.peak = deviation
     pushed = now.correction - watched.pushed_from

@@ -75,7 +75,7 @@ def test_run_and_json(process, tmp_path):
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["outcome"] == "completed"
-    assert "completed" in done.stderr
+    assert "Completed." in done.stderr
     assert {p.name for p in (tmp_path / "a").iterdir()} == {
         "recording.h5", "summary.json", "report.html", "bus.asc",
     }  # fmt: skip

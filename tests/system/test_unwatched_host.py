@@ -59,7 +59,7 @@ def test_accepted_it_is_said_before_power(stagectl):
 def test_accepted_a_run_says_so_at_its_start_and_keeps_it(stagectl):
     result = stagectl("run", stagectl.folder / "recipe.yaml", accepted=True)
     assert result.exit_code == 0, result.output
-    first, _, rest = result.output.replace("\n", " ").partition("completed")
+    first, _, rest = result.output.replace("\n", " ").partition("Completed")
     assert SAID in first
     assert SAID in rest
     events = read_notes(stagectl.folder / "run" / "recording.h5").events
