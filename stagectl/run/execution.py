@@ -20,7 +20,6 @@ from stagectl.run.checks import Substitutes
 from stagectl.run.compilation import compiled_by_two
 from stagectl.run.listener import Listener
 from stagectl.run.prepare import file_earlier_runs, prepare
-from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.session import Session
 from stagectl.run.virtual_stage import virtual_stage
@@ -62,9 +61,7 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
         listener.phase(f"opening {used}")
         with _open_bus(used, substitutes) as opened:
             _prepare_files(request, listener)
-            record = RunRecord(request, ready.started, ready.active, ready.effects)
-            session = Session(request, listener, ready, substitutes, record)
-            return session.run(used, opened, injected)
+            return Session(request, listener, ready, substitutes).run(used, opened, injected)
 
 
 def _open_bus(

@@ -54,10 +54,9 @@ class Session:
         listener: Listener,
         ready: Preparation,
         substitutes: Substitutes | None,
-        record: RunRecord,
     ) -> None:
         self._request, self._listener, self._ready = request, listener, ready
-        self._substitutes, self._record, active = substitutes, record, ready.active
+        self._substitutes, active = substitutes, ready.active
         self._compensation = ready.compensation
         self._places = self._places_of(active)
         self._observers: Observers | None = None
@@ -74,8 +73,10 @@ class Session:
         self._error: StagectlError | None = None
         self._over = False
         self._early_stop: str | None = None
+        # Last: what takes time comes before there is a journal for a stop to leave behind.
+        self._record = RunRecord(request, ready.started, active, ready.effects)
         if active is not None:
-            record.note_limitations(sites_outside(active.version, request.recipe.sites))
+            self._record.note_limitations(sites_outside(active.version, request.recipe.sites))
 
     def _out_since_before(self) -> dict[str, str]:
         """Axes of a real stage whose observers are out since an earlier run, and why."""

@@ -42,6 +42,30 @@ def test_a_stop_that_a_finalizer_swallows_is_not_lost(machine, tmp_path, during)
     assert phases[phases.index(during) + 1].startswith("writing")
 
 
+class InterruptedDesign:
+    """A measurement; Ctrl-C arrives when an observer is designed by it."""
+
+    def as_text(self):
+        return "{}"
+
+    def __getattr__(self, name):
+        raise KeyboardInterrupt
+
+
+def test_a_stop_while_observers_are_designed_leaves_no_journal(machine, tmp_path):
+    request = RunRequest(
+        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine),
+        machine,
+        tmp_path / "run",
+        datetime.now(UTC),
+        simulated=SimulatedStage(machine),
+        host=HostSettings(measurement=InterruptedDesign()),
+    )
+    with pytest.raises(KeyboardInterrupt):
+        execute(request, Listener())
+    assert list((tmp_path / "run").iterdir()) == []
+
+
 def test_the_phases_come_in_order_and_the_stage_ends_disabled(go, sites):
     phases, stages = [], []
     listener = Listener(phase=phases.append, switched_on=lambda *both: stages.extend(both))
