@@ -156,8 +156,12 @@ def test_friction_without_presliding_is_found_and_no_spring_assumed(run, machine
         [run("model", seed, 0.5, stage, observer=o, measured=machine) for seed in (1, 2)]
         for o in (False, True)
     )
-    for kind, share in (("micro", 0.8), ("macro", 0.9)):
-        assert mean(settling(on, kind)) <= share * mean(settling(off, kind))
+    micro, macro = (
+        mean(settling(on, kind)) / mean(settling(off, kind)) for kind in ("micro", "macro")
+    )
+    assert micro <= 0.8
+    assert macro <= 0.9  # by chance of stick-slip, 0.77 to 0.93 from seed to seed
+    assert (micro + macro) / 2.0 <= 0.8
     for result in on:
         found = [n for n in result.notices if "sticks without presliding" in n]
         assert [n[:6] for n in found] == ["axis x", "axis y"]
