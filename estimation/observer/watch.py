@@ -4,9 +4,11 @@ An axis counts in blocks of samples, each some time constants of the correction 
 demands of all axes rest or move at a constant speed. Nothing that the host knows tells an
 oscillation that the observer feeds from a vibration that comes from elsewhere: from the position to
 the offset it answers both alike. What tells them apart is an experiment: where a deviation in the
-band in which the loop can oscillate persists above what is unavoidable, the correction is frozen at
-its mean, which opens the loop. If the oscillation then dies faster than it did, the observer fed
-it, and it stays out; otherwise it goes on.
+band in which the loop can oscillate has more power than a motion or a push may leave, the
+correction is frozen at its mean, which opens the loop, until the power without it is known. If the
+oscillation has died, the observer fed it, and it stays out; otherwise it goes on. Friction makes an
+oscillation wax and wane, and moves interrupt it: only a quiet block ends a suspicion, and an
+experiment goes on after a move.
 
 An offset that acts the other way makes a deviation grow, faster than blocks can tell. Where the
 correction works, it is at most a time constant behind a disturbance: what it has moved by brings
@@ -45,17 +47,26 @@ oscillation that it can feed."""
 SLOWEST = 2.5
 """Time constant of the high-pass on the deviation, likewise: slower ones are the drive's to remove,
 and the observer settles within it."""
-STRIKES = 3
-"""Blocks in which a deviation has to persist, with more changes of sign than blocks: what is slower
-is not fed by delay or stiffness, but creeps back, or is the drive's own."""
+STRIKES = 4
+"""Blocks with too much power, and changes of sign, without a quiet block between them."""
+ROUNDING = 3.0
+"""Times what is unavoidable, rms: rounding of the offset makes such waves of a period per block or
+less, and the drive alone makes them likewise."""
 PERSISTS = 0.5
-"""And this much of its power from one block to the next: with a peak sensitivity of 2 it loses more
-in a half-wave."""
+"""Of the largest power, from one block to the next: what a motion or a push may leave. With a peak
+sensitivity of 2 a deviation loses more in a half-wave."""
 DIES = 0.25
-"""Of the power that the oscillation would have had, going on as before: it was fed. By design the
-observer makes a vibration at most 1.4 times as large as the drive alone (peaks 2 and 1.4)."""
+"""Of the power with the observer, without it: it was fed."""
+GOES_ON = 0.5
+"""The same: it comes from elsewhere. By design the observer makes a vibration at most 1.4 times as
+large as the drive alone (peaks 2 and 1.4)."""
 TRIES = 4
-"""Blocks of an experiment after the first, which the opening of the loop disturbs."""
+"""Blocks of an experiment after the first, which the opening of the loop disturbs: at least, for
+what comes from elsewhere;"""
+LONGEST = 16
+"""at most: what is neither then has not stayed as it was."""
+STANDING_BLOCKS = 3
+"""Blocks in which a mean deviation has to stand."""
 STEADY = 2
 """Increments by which a step of a demand that goes on at a constant speed may differ from the one
 before: both are rounded."""
@@ -98,14 +109,14 @@ WATCH_DTYPE = np.dtype(
         ("sum", "f8"),
         ("crossings", "i8"),
         ("wait", "i8"),
-        ("last_power", "f8"),
+        ("allowed", "f8"),
         ("last_error", "f8"),
         ("strikes", "i8"),
         ("turns", "i8"),
         ("stands", "i8"),
-        ("first_power", "f8"),
+        ("closed_power", "f8"),
+        ("opened", "f8"),
         ("known_power", "f8"),
-        ("trend", "f8"),
         ("tries", "i8"),
         ("any_count", "i8"),
         ("any_error", "f8"),
@@ -127,10 +138,10 @@ WATCH_DTYPE = np.dtype(
 - before, passed: deviation of the sample before, and high-passed [m];
 - of the block under way, at a steady demand: count; power, sum: of squares and of the deviation
   [m^2, m]; crossings: changes of sign; wait: blocks not to judge;
-- last_power, last_error: of the block before; strikes, stands: blocks in which an oscillation
-  persisted, a deviation stood; turns: changes of sign in them; first_power: of the first, or when
-  the experiment began; known_power: of what comes from elsewhere; trend: change of power from
-  block to block before the experiment; tries: its blocks;
+- allowed: power that a motion or a push may have left [m^2]; last_error: of the block before;
+  strikes, stands: blocks with too much power, in which a deviation stood; turns: changes of sign in
+  the former; closed_power: of the last of them; known_power: of what comes from elsewhere;
+  tries, opened: blocks of an experiment, and the sum of their powers;
 - of the block under way at any demand: any_count; sums of deviation, of the drive's own force, of
   the absolute measured force and of the correction [m, N]; limited: samples at the limit;
 - unanswered: blocks that the drive did not answer; mean: correction of the block before [N];
@@ -174,7 +185,7 @@ def watch(figures, watched, now, deviation, own_force, force, bound, steady, mov
     else:
         restart_block(watched)
         watched.wait = max(watched.wait, 1)
-        watched.last_power = watched.last_error = 0.0
+        watched.last_error = 0.0
     if watched.mode == WATCHING and grows(figures, watched, now, deviation, bound, steady):
         freeze(figures, watched, now, OUT)
         note(watched, GROWS, abs(deviation), 0.0)
@@ -221,49 +232,51 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
     """At the end of a block at a steady demand; `limited`: with the correction at its limit."""
     power = watched.power / watched.count
     error = watched.sum / watched.count
-    before, error_before = watched.last_power, watched.last_error
-    watched.last_power, watched.last_error = power, error
+    allowed, error_before = PERSISTS * watched.allowed, watched.last_error
+    watched.allowed, watched.last_error = max(power, allowed), error
     if watched.wait > 0:
         watched.wait -= 1
         return
     if watched.mode == TRYING:
-        watched.tries += 1
-        expected = watched.first_power * watched.trend ** (watched.tries + 1)
-        if watched.tries >= 2 and max(power, before) < DIES * expected:  # not by chance
-            watched.mode = OUT
-            note(watched, FED, watched.rms, watched.frequency)
-        elif watched.tries >= TRIES:
-            watched.mode = WATCHING
-            watched.known_power = max(watched.known_power, power)
-            note(watched, ELSEWHERE, math.sqrt(power), watched.frequency)
+        judge_experiment(watched, power)
         return
     standing = error * error_before > 0.0 and abs(error) > STANDING * abs(error_before)
     if limited and moving and standing and abs(error) > figures.stands:
         watched.stands += 1
     else:
         watched.stands = 0
-    if watched.stands >= STRIKES:
+    if watched.stands >= STANDING_BLOCKS:
         freeze(figures, watched, now, OUT)
         note(watched, STANDS, abs(error), 0.0)
         return
-    least = max(figures.floor, watched.known_power / DIES)
-    if power > least and (limited or power > PERSISTS * before):
+    if power <= max(figures.floor, watched.known_power / DIES):
+        watched.strikes = watched.turns = 0
+        return
+    if watched.crossings <= 2 and power <= ROUNDING**2 * figures.floor:
+        return
+    watched.turns += watched.crossings
+    if power > allowed:
         watched.strikes += 1
-        if watched.strikes == 1:
-            watched.first_power, watched.turns = power, 0
-        watched.turns += watched.crossings
-    else:
-        watched.strikes = 0
-    if watched.strikes >= STRIKES and watched.turns <= watched.strikes:
-        watched.strikes = 0
-    if watched.strikes >= STRIKES:
-        strikes = watched.strikes
-        trend = (power / watched.first_power) ** (1.0 / (strikes - 1))
-        watched.trend = min(max(trend, PERSISTS), 1.0)
-        watched.first_power = power
+        watched.closed_power = power
+    if min(watched.strikes, watched.turns) >= STRIKES:
+        waves = 0.5 * watched.turns / (watched.strikes * watched.count)
         freeze(figures, watched, now, TRYING)
-        waves = 0.5 * watched.turns / (strikes * watched.count)
-        note(watched, SUSPECTED, math.sqrt(power), waves)
+        note(watched, SUSPECTED, math.sqrt(watched.closed_power), waves)
+
+
+@kernel()
+def judge_experiment(watched, power):  # type: ignore[no-untyped-def]
+    """At the end of a block with the loop open."""
+    watched.tries += 1
+    watched.opened += power
+    left = watched.opened / (watched.tries * watched.closed_power)
+    if (watched.tries >= 2 and left < DIES) or watched.tries >= LONGEST:
+        watched.mode = OUT
+        note(watched, FED, watched.rms, watched.frequency)
+    elif watched.tries >= TRIES and left >= GOES_ON:
+        watched.mode = WATCHING
+        watched.known_power = max(watched.known_power, watched.closed_power, watched.allowed)
+        note(watched, ELSEWHERE, math.sqrt(power), watched.frequency)
 
 
 @kernel()
@@ -287,7 +300,8 @@ def freeze(figures, watched, now, mode):  # type: ignore[no-untyped-def]
     """Hold the correction at its mean over the last blocks."""
     whole = watched.any_correction + figures.block * watched.mean
     now.correction = whole / (watched.any_count + figures.block)
-    watched.mode, watched.strikes, watched.stands, watched.tries = mode, 0, 0, 0
+    watched.mode, watched.strikes, watched.stands, watched.turns = mode, 0, 0, 0
+    watched.tries, watched.opened = 0, 0.0
     watched.wait, watched.found_at = 1, watched.clock
 
 
