@@ -3,8 +3,6 @@
 The master sends bare frames by python-can. The test creates the interface, which takes root.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -12,7 +10,6 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import can
@@ -39,18 +36,18 @@ on_a_vcan = [
 ]
 
 
-def ip(*arguments: str) -> None:
+def ip(*arguments):
     path = os.environ["PATH"] + ":/usr/sbin:/sbin"
     subprocess.run(["ip", "link", *arguments], check=True, env=os.environ | {"PATH": path})
 
 
-def make() -> None:
+def make():
     ip("add", "dev", INTERFACE, "type", "vcan")
     ip("set", INTERFACE, "up")
 
 
 @pytest.fixture
-def interface() -> Iterator[None]:
+def interface():
     make()
     yield
     with contextlib.suppress(subprocess.CalledProcessError):  # a test that failed without it
@@ -60,13 +57,13 @@ def interface() -> Iterator[None]:
 class Master:
     """Objects by expedited SDO, and the host's heartbeat while it waits."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.bus = can.Bus(interface="socketcan", channel=INTERFACE)
 
-    def send(self, can_id: int, data: bytes) -> None:
+    def send(self, can_id, data):
         self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
-    def request(self, payload: bytes) -> bytes:
+    def request(self, payload):
         deadline = time.monotonic() + DEADLINE
         while time.monotonic() < deadline:
             self.send(0x77F, b"\x05")
@@ -80,16 +77,16 @@ class Master:
                         return bytes(answer.data)
         raise AssertionError("node 1 does not answer")
 
-    def write(self, index: int, sub: int, fmt: str, value: int) -> None:
+    def write(self, index, sub, fmt, value):
         data = struct.pack("<" + fmt, value)
         head = struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, sub)
         self.request(head + data.ljust(4, b"\0"))
 
-    def read(self, index: int, fmt: str) -> int:
+    def read(self, index, fmt):
         answer = self.request(struct.pack("<BHB4x", 0x40, index, 0))
         return int(struct.unpack_from("<" + fmt, answer, 4)[0])
 
-    def until(self, condition: Callable[[], bool]) -> None:
+    def until(self, condition):
         deadline = time.monotonic() + DEADLINE
         while not condition():
             assert time.monotonic() < deadline, "timed out"
@@ -98,7 +95,7 @@ class Master:
 @pytest.mark.real_time(judged=False)
 @pytest.mark.usefixtures("interface")
 @pytest.mark.parametrize("bus", on_a_vcan)
-def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus: str) -> None:
+def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus):
     root = str(Path(__file__).parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     with subprocess.Popen(

@@ -1,10 +1,7 @@
 """Configuration at boot, written and read back: windows, option codes, a DCF."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from pathlib import Path
 
 import canopen
 import numpy as np
@@ -12,20 +9,19 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError
 from drivers.objects import ObjectRef
-from drivers.settings import AxisSettings, OptionCodes
+from drivers.settings import OptionCodes
 from drivers.stage import Stage
 from hil_sim import CSP_DCF_PATH
 from hil_sim.bus import World
 from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
 
 
-def open_stage(machine: Machine, **changes: object) -> tuple[Stage, VirtualStage, World]:
+def open_stage(machine, **changes):
     """A stage on drives just switched on; axis x with these settings changed."""
     bus, axes = driver_settings(machine)
     world = World(f"configuration-{next(_names)}")
@@ -33,15 +29,15 @@ def open_stage(machine: Machine, **changes: object) -> tuple[Stage, VirtualStage
     drives.attach(world)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    axes = (dataclasses.replace(axes[0], **changes), *axes[1:])  # type: ignore[arg-type]
+    axes = (dataclasses.replace(axes[0], **changes), *axes[1:])
     return Stage.open(bus, axes), drives, world
 
 
-def held(stage: Stage, index: int, sub: int = 0) -> int:
+def held(stage, index, sub=0):
     return stage.axes[0].node.read(ObjectRef(index, sub, ""))
 
 
-def test_windows_and_option_codes_of_the_machine_file(stage_machine: Machine) -> None:
+def test_windows_and_option_codes_of_the_machine_file(stage_machine):
     text = stage_machine.text.replace(
         "following_error: 0.001}",
         "following_error: 0.001, following_error_time: 20 ms, position_window: 2 um, "
@@ -64,12 +60,12 @@ def test_windows_and_option_codes_of_the_machine_file(stage_machine: Machine) ->
 @pytest.mark.parametrize(
     "options", [{"quick_stop": 4}, {"abort_connection": 0}, {"halt": 0}, {"fault_reaction": 9}]
 )
-def test_impossible_option_codes_are_refused(options: dict[str, int]) -> None:
+def test_impossible_option_codes_are_refused(options):
     with pytest.raises(ConfigurationError, match=f"option code {next(iter(options))}: must be one"):
         OptionCodes(**options)
 
 
-def dcf(settings: AxisSettings, folder: Path, **values: int) -> Path:
+def dcf(settings, folder, **values):
     """The axis' EDS with values of its own for some objects."""
     text = settings.eds.read_text()
     for name, value in values.items():
@@ -81,9 +77,7 @@ def dcf(settings: AxisSettings, folder: Path, **values: int) -> Path:
     return path
 
 
-def test_a_dcf_is_written_except_for_objects_of_the_driver(
-    stage_machine: Machine, tmp_path: Path
-) -> None:
+def test_a_dcf_is_written_except_for_objects_of_the_driver(stage_machine, tmp_path):
     _, axes = driver_settings(stage_machine)
     path = dcf(axes[0], tmp_path, x6081=123456, x6067=77, x1017=9999, x607A=5)
     stage, _, _ = open_stage(stage_machine, eds=path)
@@ -95,7 +89,7 @@ def test_a_dcf_is_written_except_for_objects_of_the_driver(
         assert held(stage, 0x607A) == 0
 
 
-def test_the_pdos_of_a_booted_drive_are_those_of_the_dcf_for_csp(stage_machine: Machine) -> None:
+def test_the_pdos_of_a_booted_drive_are_those_of_the_dcf_for_csp(stage_machine):
     stage, drives, _ = open_stage(stage_machine)
     with stage:
         stage.boot()
@@ -111,7 +105,7 @@ def test_the_pdos_of_a_booted_drive_are_those_of_the_dcf_for_csp(stage_machine: 
             assert {k: drive.dictionary.integer(key(*k)) for k in expected} == expected
 
 
-def test_all_differences_from_a_dcf_are_one_error(stage_machine: Machine, tmp_path: Path) -> None:
+def test_all_differences_from_a_dcf_are_one_error(stage_machine, tmp_path):
     _, axes = driver_settings(stage_machine)
     path = dcf(axes[0], tmp_path, x6081=123456, x6083=1000, x6084=2000)
     stage, drives, _ = open_stage(stage_machine, eds=path)
@@ -129,9 +123,7 @@ def test_all_differences_from_a_dcf_are_one_error(stage_machine: Machine, tmp_pa
     assert "0x6083" not in text
 
 
-def test_a_drive_that_produces_sync_or_consumes_another_id_is_corrected(
-    stage_machine: Machine,
-) -> None:
+def test_a_drive_that_produces_sync_or_consumes_another_id_is_corrected(stage_machine):
     stage, drives, world = open_stage(stage_machine)
     world.sleep_until_ns(50_000_000)
     drives.drives[0].dictionary.values[0x100500] = 0x4000_0085
@@ -148,9 +140,7 @@ def test_a_drive_that_produces_sync_or_consumes_another_id_is_corrected(
         (1_500_000_000, r"0x8130.*the host had just stalled for 1\.5 s"),
     ],
 )
-def test_a_fault_after_late_syncs_names_the_stall(
-    stage_machine: Machine, pause_ns: int, said: str
-) -> None:
+def test_a_fault_after_late_syncs_names_the_stall(stage_machine, pause_ns, said):
     """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
     stage, _, world = open_stage(stage_machine)
     with stage:
@@ -161,7 +151,7 @@ def test_a_fault_after_late_syncs_names_the_stall(
         position = np.array(stage.targets) + np.cumsum(speed)[:, None] * 1e-3 * [1, 0]
         count = itertools.count()
 
-        def until(_: tuple[float, ...]) -> bool:
+        def until(_):
             if next(count) == 150:
                 world.sleep_until_ns(world.now_ns + pause_ns)
             return False

@@ -1,7 +1,5 @@
 """Whole SYNCs at once on the lock-step bus: the same frames and samples as step by step."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 

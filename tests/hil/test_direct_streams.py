@@ -1,10 +1,7 @@
 """Streams in csv and cst, with the virtual drives in virtual time."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -16,7 +13,6 @@ from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
@@ -24,17 +20,17 @@ PERIOD = 1e-3
 
 
 @pytest.fixture
-def drives(stage_machine: Machine) -> VirtualStage:
+def drives(stage_machine):
     return VirtualStage(stage_settings(stage_machine), seed=1)
 
 
 @pytest.fixture
-def seen() -> list[int]:
+def seen():
     return []
 
 
 @pytest.fixture
-def stage(stage_machine: Machine, drives: VirtualStage, seen: list[int]) -> Iterator[Stage]:
+def stage(stage_machine, drives, seen):
     bus, axes = driver_settings(stage_machine)
     world = World(f"direct-{next(_names)}")
     drives.attach(world)
@@ -47,18 +43,18 @@ def stage(stage_machine: Machine, drives: VirtualStage, seen: list[int]) -> Iter
         yield stage
 
 
-def modes(stage: Stage) -> list[int]:
+def modes(stage):
     return [axis.node.read(MODE_DISPLAY) for axis in stage.axes]
 
 
-def bell(peak: tuple[float, float], rows: int) -> np.ndarray:
+def bell(peak, rows):
     """From 0 to `peak` and back, shape (rows, 2)."""
     shape = np.sin(np.pi * np.arange(1, rows + 1) / rows) ** 2
     shape[-1] = 0.0
     return shape[:, None] * np.array(peak)
 
 
-def test_velocities_add_up_to_the_distance(stage: Stage) -> None:
+def test_velocities_add_up_to_the_distance(stage):
     start = np.array(stage.positions)
     velocity = np.vstack(
         [bell((0.1, -0.05), 400), np.zeros((300, 2))]
@@ -74,7 +70,7 @@ def test_velocities_add_up_to_the_distance(stage: Stage) -> None:
     assert np.ptp(rest.position[50:], axis=0).max() < 1e-6
 
 
-def test_forces_move_the_masses(stage: Stage) -> None:
+def test_forces_move_the_masses(stage):
     """More than friction for 60 ms: what is over accelerates 8 kg; then friction stops it."""
     force = np.zeros((400, 2))
     force[:60] = (12.0, -12.0)
@@ -91,7 +87,7 @@ def test_forces_move_the_masses(stage: Stage) -> None:
     stage.stream(np.tile(stage.targets, (5, 1)), np.zeros((5, 2)))
 
 
-def test_a_stream_ended_early_comes_to_rest(stage: Stage) -> None:
+def test_a_stream_ended_early_comes_to_rest(stage):
     velocity = np.full((300, 2), 0.1)
     velocity[:50] = np.linspace(0.01, 0.1, 50)[:, None]
     velocity[-50:] = np.linspace(0.1, 0.0, 50)[:, None]
@@ -108,7 +104,7 @@ def test_a_stream_ended_early_comes_to_rest(stage: Stage) -> None:
     assert len(samples) == 12
 
 
-def velocities(*values: float) -> np.ndarray:
+def velocities(*values):
     return np.column_stack([np.zeros(len(values)), values])
 
 
@@ -126,9 +122,7 @@ def velocities(*values: float) -> np.ndarray:
         ),
     ],
 )
-def test_velocities_outside_the_limits_reach_no_drive(
-    stage: Stage, seen: list[int], velocity: object, message: str
-) -> None:
+def test_velocities_outside_the_limits_reach_no_drive(stage, seen, velocity, message):
     before = len(seen)
     with pytest.raises(LimitError, match=r"^axis y: .*" + message):
         stage.stream_velocity(velocities(*np.array(velocity)))
@@ -143,16 +137,14 @@ def test_velocities_outside_the_limits_reach_no_drive(
         ([1.0, 2.0], r"0x6071:00 .*row 1: the last setpoint must be 0"),
     ],
 )
-def test_forces_outside_the_limits_reach_no_drive(
-    stage: Stage, seen: list[int], force: list[float], message: str
-) -> None:
+def test_forces_outside_the_limits_reach_no_drive(stage, seen, force, message):
     before = len(seen)
     with pytest.raises(LimitError, match=r"^axis x: .*" + message):
         stage.stream_force(velocities(*force)[:, ::-1])
     assert len(seen) == before
 
 
-def test_each_stream_of_velocities_is_checked_from_rest(stage: Stage, seen: list[int]) -> None:
+def test_each_stream_of_velocities_is_checked_from_rest(stage, seen):
     """Also the second one in csv, and whatever the first one ended with."""
     stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
     before = len(seen)
@@ -162,13 +154,13 @@ def test_each_stream_of_velocities_is_checked_from_rest(stage: Stage, seen: list
     stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
 
 
-def test_positions_are_checked_from_the_target_sent_last(stage: Stage, seen: list[int]) -> None:
+def test_positions_are_checked_from_the_target_sent_last(stage, seen):
     """1 mm a SYNC at most, from the last target and not from 0; also back from csv."""
     ramp = np.linspace(0.0, 0.004, 41)[1:, None] * (1.0, -1.0)
     stage.stream(np.array(stage.targets) + ramp, np.zeros_like(ramp))
     stage.hold(0.3)
 
-    def refused() -> None:
+    def refused():
         for axis, way in itertools.product((0, 1), (1.003e-3, -1.003e-3)):
             position = np.tile(stage.targets, (3, 1))
             position[:, axis] += way  # only the first row is off
@@ -185,7 +177,7 @@ def test_positions_are_checked_from_the_target_sent_last(stage: Stage, seen: lis
     assert len(stage.hold(0.01)) == 10
 
 
-def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:
+def test_forces_that_make_an_axis_too_fast_end_the_stream(stage):
     force = np.zeros((2000, 2))
     force[:-1, 0] = 60.0
     with pytest.raises(AxisFault, match=r"^axis x: .*may not stop before the limit 0\.15 m"):
@@ -194,7 +186,7 @@ def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:
     assert abs(stage.positions[0]) < 0.15
 
 
-def test_a_csp_stream_requires_csp(stage: Stage) -> None:
+def test_a_csp_stream_requires_csp(stage):
     stage.stream_velocity(np.zeros((3, 2)))
     with pytest.raises(AxisFault, match="not in csp: enable it first"):
         stage.stream(np.zeros((2, 2)), np.zeros((2, 2)))
@@ -203,7 +195,7 @@ def test_a_csp_stream_requires_csp(stage: Stage) -> None:
         stage.stream_force(np.zeros((2, 2)))
 
 
-def test_a_drive_without_the_mode_is_named(stage: Stage, drives: VirtualStage) -> None:
+def test_a_drive_without_the_mode_is_named(stage, drives):
     variable = drives.drives[1].dictionary
     variable.values[key(0x6502)] = 0xA5
     with pytest.raises(ConfigurationError, match=r"^axis y: 0x6502:00 .*cyclic synchronous torque"):
@@ -211,7 +203,7 @@ def test_a_drive_without_the_mode_is_named(stage: Stage, drives: VirtualStage) -
     assert stage.enabled
 
 
-def test_a_mode_that_is_not_confirmed_has_a_deadline(stage: Stage, drives: VirtualStage) -> None:
+def test_a_mode_that_is_not_confirmed_has_a_deadline(stage, drives):
     dictionary = drives.drives[0].dictionary
     dictionary.live[key(0x6061)] = lambda: 8
     with pytest.raises(AxisFault, match=r"^axis x: 0x6061:00 .*shows mode 8 5 s after mode 9"):

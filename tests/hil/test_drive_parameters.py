@@ -1,11 +1,8 @@
 """Drives that fix, round or clamp values, get their units from a DCF, or are slow to enable."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +10,11 @@ from canopen import SdoAbortedError
 
 from drivers.errors import AxisFault, ConfigurationError, DriverError, LimitError, NodeError
 from drivers.stage import Stage
-from hil_sim.bus import FaultyWorld, World
+from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.cia301 import key
 from hil_sim.cia402 import State
-from hil_sim.drive import Drive
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from tests.hil.test_configuration import dcf, held, open_stage
@@ -28,30 +23,30 @@ READ_ONLY, TOO_HIGH, GENERAL = 0x06010002, 0x06090031, 0x08000000
 Keeps = Callable[[int], int]
 
 
-def switched_on(machine: Machine, **changes: object) -> tuple[Stage, Drive, World, VirtualStage]:
+def switched_on(machine, **changes):
     """A stage and drive x, which has its values of after power-on."""
     stage, drives, world = open_stage(machine, **changes)
     world.sleep_until_ns(50_000_000)
     return stage, drives.drives[0], world, drives
 
 
-def fix(drive: Drive, index: int, value: int, code: int = READ_ONLY, sub: int = 0) -> None:
+def fix(drive, index, value, code=READ_ONLY, sub=0):
     """The object holds this value, and writes are refused."""
 
-    def refuse(_: int) -> None:
+    def refuse(_):
         raise SdoAbortedError(code)
 
     drive.dictionary.values[key(index, sub)] = value
     drive.dictionary.check[key(index, sub)] = refuse
 
 
-def make(drive: Drive, index: int, keeps: Keeps, sub: int = 0) -> None:
+def make(drive, index, keeps, sub=0):
     """The drive makes something of its own of what is written into the object."""
     k, values = key(index, sub), drive.dictionary.values
-    values[k] = keeps(values[k])  # type: ignore[arg-type]
+    values[k] = keeps(values[k])
     then = drive.dictionary.on_write.get(k)
 
-    def keep(value: int) -> None:
+    def keep(value):
         values[k] = keeps(value)
         if then is not None:
             then(keeps(value))
@@ -59,7 +54,7 @@ def make(drive: Drive, index: int, keeps: Keeps, sub: int = 0) -> None:
     drive.dictionary.on_write[k] = keep
 
 
-def test_an_object_fixed_at_the_requested_value_is_not_written(stage_machine: Machine) -> None:
+def test_an_object_fixed_at_the_requested_value_is_not_written(stage_machine):
     stage, drive, _, _ = switched_on(stage_machine)
     for index, value in ((0x605E, 2), (0x605A, 2), (0x6007, 3), (0x607C, 0), (0x6072, 3000)):
         fix(drive, index, value)
@@ -83,9 +78,7 @@ def test_an_object_fixed_at_the_requested_value_is_not_written(stage_machine: Ma
         (0x605E, -1, "fault reaction option code is -1, not 2: on a fault the reaction is"),
     ],
 )  # fmt: skip
-def test_a_fixed_option_code_is_reported(
-    stage_machine: Machine, index: int, value: int, said: str, code: int
-) -> None:
+def test_a_fixed_option_code_is_reported(stage_machine, index, value, said, code):
     stage, drive, _, _ = switched_on(stage_machine)
     fix(drive, index, value, code)
     with stage:
@@ -110,9 +103,7 @@ def test_a_fixed_option_code_is_reported(
         (0x607D, 2, lambda v: v + 100, "max position limit is 0.1500001 m, not 0.15 m: "),
     ],
 )
-def test_rounded_values_are_accepted_and_reported(
-    stage_machine: Machine, index: int, sub: int, keeps: Keeps, said: str
-) -> None:
+def test_rounded_values_are_accepted_and_reported(stage_machine, index, sub, keeps, said):
     stage, drive, _, _ = switched_on(stage_machine)
     make(drive, index, keeps, sub)
     with stage:
@@ -122,7 +113,7 @@ def test_rounded_values_are_accepted_and_reported(
         assert limitation.endswith(f"{said}the drive rounds it")
 
 
-def test_the_host_uses_values_that_the_drive_has_clamped(stage_machine: Machine) -> None:
+def test_the_host_uses_values_that_the_drive_has_clamped(stage_machine):
     stage, drive, _, _ = switched_on(stage_machine)
     fix(drive, 0x6072, 500, TOO_HIGH)
     make(drive, 0x6065, lambda v: min(v, 200_000))
@@ -173,9 +164,7 @@ def test_the_host_uses_values_that_the_drive_has_clamped(stage_machine: Machine)
         (0x6098, 0, lambda v: 35, "wrote 37, the drive holds 35"),
     ],
 )
-def test_values_not_on_the_safe_side_are_refused(
-    stage_machine: Machine, index: int, sub: int, keeps: Keeps, error: str
-) -> None:
+def test_values_not_on_the_safe_side_are_refused(stage_machine, index, sub, keeps, error):
     stage, drive, _, _ = switched_on(stage_machine)
     make(drive, index, keeps, sub)
     with (
@@ -186,14 +175,14 @@ def test_values_not_on_the_safe_side_are_refused(
     assert error in str(e.value)
 
 
-def test_a_refused_write_names_the_value_held(stage_machine: Machine) -> None:
+def test_a_refused_write_names_the_value_held(stage_machine):
     stage, drive, _, _ = switched_on(stage_machine)
     fix(drive, 0x6085, 5_000_000)
     with stage, pytest.raises(NodeError, match=r"0x6085:00 .*write of 10000000 refused.*5000000$"):
         stage.boot()
 
 
-def test_profile_moves_may_take_as_long_as_the_drive_needs(stage_machine: Machine) -> None:
+def test_profile_moves_may_take_as_long_as_the_drive_needs(stage_machine):
     stage, drive, world, _ = switched_on(stage_machine)
     make(drive, 0x6081, lambda v: min(v, 1_000_000))
     make(drive, 0x6083, lambda v: v // 1000 * 1000)
@@ -218,7 +207,7 @@ def test_profile_moves_may_take_as_long_as_the_drive_needs(stage_machine: Machin
         assert "not 0.05 m/s" in velocity
 
 
-def test_units_set_by_a_dcf_are_the_ones_checked(stage_machine: Machine, tmp_path: Path) -> None:
+def test_units_set_by_a_dcf_are_the_ones_checked(stage_machine, tmp_path):
     _, axes = driver_settings(stage_machine)
     k = key(0x608F, 1)
     path = dcf(axes[0], tmp_path, x608Fsub1=32_000_000)
@@ -239,7 +228,7 @@ def test_units_set_by_a_dcf_are_the_ones_checked(stage_machine: Machine, tmp_pat
                     stage.boot()
 
 
-def test_values_of_a_dcf_may_be_fixed_or_rounded(stage_machine: Machine, tmp_path: Path) -> None:
+def test_values_of_a_dcf_may_be_fixed_or_rounded(stage_machine, tmp_path):
     _, axes = driver_settings(stage_machine)
     path = dcf(axes[0], tmp_path, x605E=2, x6083=1_000_100, x6086=-1)
     stage, drive, _, _ = switched_on(stage_machine, eds=path)
@@ -256,14 +245,14 @@ def test_values_of_a_dcf_may_be_fixed_or_rounded(stage_machine: Machine, tmp_pat
 class PhaseFinding:
     """Looks for its commutation angle before OPERATION ENABLED, the first time that it is asked."""
 
-    def __init__(self, drive: Drive, world: World, seconds: float) -> None:
+    def __init__(self, drive, world, seconds):
         self._drive, self._world, self._left = drive, world, round(seconds * 1e9)
-        self._until: int | None = None
+        self._until = None
         hooks = drive.dictionary.on_write
         self._act = hooks[key(0x6040)]
         hooks[key(0x6040)] = self
 
-    def __call__(self, word: int) -> None:
+    def __call__(self, word):
         if word & 0x0F == 0x0F and self._drive.motion.state is State.SWITCHED_ON:
             if self._until is None:
                 self._until = self._world.now_ns + self._left
@@ -272,9 +261,7 @@ class PhaseFinding:
         self._act(word)
 
 
-def test_phase_finding_may_take_the_enable_timeout(
-    stage_machine: Machine,
-) -> None:
+def test_phase_finding_may_take_the_enable_timeout(stage_machine):
     text = stage_machine.text.replace(
         "rated_force: 40.0", "enable_timeout: 6 s\n      rated_force: 40.0"
     )
@@ -291,7 +278,7 @@ def test_phase_finding_may_take_the_enable_timeout(
 
 
 @pytest.mark.parametrize("slow", [0, 1])
-def test_each_axis_has_its_own_enable_timeout(stage_machine: Machine, slow: int) -> None:
+def test_each_axis_has_its_own_enable_timeout(stage_machine, slow):
     """The other axis waits, enabled, and is stopped with the one that is late."""
     stage, _, world, drives = switched_on(stage_machine, enable_timeout=6.0)
     PhaseFinding(drives.drives[slow], world, 9.0)
@@ -307,7 +294,7 @@ def test_each_axis_has_its_own_enable_timeout(stage_machine: Machine, slow: int)
         assert not any(d.motion.state is State.ENABLED for d in drives.drives)
 
 
-def test_a_drive_may_take_its_boot_timeout(stage_machine: Machine) -> None:
+def test_a_drive_may_take_its_boot_timeout(stage_machine):
     for timeout, enough in ((2.0, False), (4.0, True)):
         slow = f.Delay(f.Frames(frozenset({0x701}), after=0.03, at_most=1), 3.0, 3.0)
         world = FaultyWorld(f"slow-{timeout:g}", f.FaultPlan((slow,)))
@@ -325,7 +312,7 @@ def test_a_drive_may_take_its_boot_timeout(stage_machine: Machine) -> None:
                     stage.boot()
 
 
-def test_another_major_revision_is_accepted_where_required(stage_machine: Machine) -> None:
+def test_another_major_revision_is_accepted_where_required(stage_machine):
     for revision, found in ((None, False), (7, True), (6, False)):
         stage, drive, _, _ = switched_on(stage_machine, revision=revision)
         drive.dictionary.live[key(0x1018, 3)] = lambda: 7 << 16 | 3
@@ -338,7 +325,7 @@ def test_another_major_revision_is_accepted_where_required(stage_machine: Machin
                     stage.boot()
 
 
-def test_messages_contain_no_type_names(stage_machine: Machine) -> None:
+def test_messages_contain_no_type_names(stage_machine):
     stage, drive, _, _ = switched_on(stage_machine)
     with stage:
         stage.boot()

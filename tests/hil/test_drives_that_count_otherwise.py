@@ -1,12 +1,8 @@
 """What drives say they count in (0x60A8 to 0x60AA): refused, or moved at the speed asked for."""
 
-from __future__ import annotations
-
 import itertools
 import struct
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,14 +12,12 @@ from drivers import objects as od
 from drivers.drive import unit
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
-from drivers.settings import AxisSettings
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.cli import cli
 from stagectl.config import driver_settings, parse_machine, stage_settings
-from stagectl.config.machine import Machine
 from stagectl.errors import RunFault
 from tests.short_recipe import short_recipe
 
@@ -43,7 +37,7 @@ class Drives:
         says: values of their objects by key; None: the drives lack it.
     """
 
-    def __init__(self, machine: Machine, says: dict[int, int | None]) -> None:
+    def __init__(self, machine, says):
         self.machine, self.world = machine, World(next(_names))
         self.stage = VirtualStage(stage_settings(machine), seed=1, start=START)
         self.stage.attach(self.world)
@@ -57,20 +51,20 @@ class Drives:
             act = drive.dictionary.on_write[key(0x6040)]
             drive.dictionary.on_write[key(0x6040)] = lambda word, act=act: self._see(word, act)
 
-    def _see(self, word: int, act: Callable[[int], object]) -> object:
+    def _see(self, word, act):
         self.was_enabled |= word & 0x8F == 0x0F
         return act(word)
 
-    def open(self, tap: Callable[[int, int, bytes], object] | None = None) -> Stage:
+    def open(self, tap=None):
         bus, axes = driver_settings(self.machine)
         return Stage.open(replace(bus, interface="lockstep", channel=self.world.name), axes, tap)
 
     @property
-    def positions(self) -> np.ndarray:
+    def positions(self):
         return np.array([d.dictionary.integer(key(0x6064)) for d in self.stage.drives])
 
 
-def with_units(machine: Machine, **units: str) -> Machine:
+def with_units(machine, **units):
     """The machine with these units written in both drive sections."""
     lines = "".join(f"{name}: {value}\n      " for name, value in units.items())
     text = machine.text
@@ -79,7 +73,7 @@ def with_units(machine: Machine, **units: str) -> Machine:
     return parse_machine(text, "units.yaml")
 
 
-def refused(drives: Drives, command: str, folder: Path, *options: str) -> str:
+def refused(drives, command, folder, *options):
     """The one line with which a command refuses the drives, before power."""
     before = drives.positions
     recipe = folder / "r.yaml"
@@ -102,9 +96,7 @@ def refused(drives: Drives, command: str, folder: Path, *options: str) -> str:
 
 
 @pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
-def test_a_drive_that_counts_in_rpm_is_refused_before_power(
-    command: str, stage_machine: Machine, tmp_path: Path
-) -> None:
+def test_a_drive_that_counts_in_rpm_is_refused_before_power(command, stage_machine, tmp_path):
     drives = Drives(stage_machine, {VELOCITY: RPM, ACCELERATION: RPM_PER_SECOND})
     assert refused(drives, command, tmp_path) == (
         "axis x: 0x60A9:00 SI unit velocity: says 0x00B44700: revolutions per minute; a linear "
@@ -113,9 +105,7 @@ def test_a_drive_that_counts_in_rpm_is_refused_before_power(
 
 
 @pytest.mark.parametrize("command", ["jog", "home", "enable", "run"])
-def test_a_unit_that_nobody_states_is_refused_before_power(
-    command: str, stage_machine: Machine, tmp_path: Path
-) -> None:
+def test_a_unit_that_nobody_states_is_refused_before_power(command, stage_machine, tmp_path):
     assert refused(Drives(stage_machine, {ACCELERATION: None}), command, tmp_path) == (
         "axis x: 0x60AA:00 SI unit acceleration: the drive does not say what it counts "
         "acceleration in; the machine file must: add acceleration_unit: 1e-06 to its drive "
@@ -135,24 +125,20 @@ def test_a_unit_that_nobody_states_is_refused_before_power(
     ],
 )
 def test_a_drive_without_an_object_of_the_mode_is_refused_before_power(
-    command: str, index: int, mode: str, stage_machine: Machine, tmp_path: Path
-) -> None:
+    command, index, mode, stage_machine, tmp_path
+):
     line = refused(Drives(stage_machine, {key(index): None}), command, tmp_path)
     assert line.startswith(f"axis x: 0x{index:04X}:00 ")
     assert line.endswith(f": is not offered: {mode} mode needs it")
 
 
-def test_a_speed_that_is_nothing_to_the_drive_is_refused_before_power(
-    stage_machine: Machine, tmp_path: Path
-) -> None:
+def test_a_speed_that_is_nothing_to_the_drive_is_refused_before_power(stage_machine, tmp_path):
     coarse = with_units(stage_machine, velocity_unit="1 mm/s")
     line = refused(Drives(coarse, {}), "jog", tmp_path, "--velocity", "0.4mm/s")
     assert line == "axis x: 0x6081:00 profile velocity: 0.0004 is nothing in steps of 0.001 m/s"
 
 
-def test_moves_that_the_drive_cannot_be_told_leave_an_enabled_axis_alone(
-    stage_machine: Machine,
-) -> None:
+def test_moves_that_the_drive_cannot_be_told_leave_an_enabled_axis_alone(stage_machine):
     drives = Drives(stage_machine, {key(0x6083): None})
     with drives.open() as stage:
         stage.boot()
@@ -186,9 +172,7 @@ RATES = [
 
 
 @pytest.mark.parametrize(("units", "says"), RATES, ids=["um/s", "mm/s", "mm/min", "machine file"])
-def test_moves_have_the_speed_asked_for(
-    units: dict[str, str], says: dict[int, int | None], stage_machine: Machine
-) -> None:
+def test_moves_have_the_speed_asked_for(units, says, stage_machine):
     drives = Drives(with_units(stage_machine, **units), says)
     with drives.open() as stage:
         stage.boot()
@@ -203,7 +187,7 @@ def test_moves_have_the_speed_asked_for(
             held_by(drive.dictionary.integer, axis.settings)
 
 
-def held_by(integer: Callable[[int], int], axis: AxisSettings) -> None:
+def held_by(integer, axis):
     """The drive holds the settings, in the units that it counts in."""
     for ref, value in (
         (od.QUICK_STOP_DECELERATION, axis.acceleration),
@@ -221,9 +205,7 @@ def held_by(integer: Callable[[int], int], axis: AxisSettings) -> None:
         assert held == pytest.approx(value, abs=unit(axis, ref) / 2), str(ref)
 
 
-def test_a_drive_that_says_another_unit_than_the_machine_file_is_refused(
-    stage_machine: Machine,
-) -> None:
+def test_a_drive_that_says_another_unit_than_the_machine_file_is_refused(stage_machine):
     drives = Drives(stage_machine, {VELOCITY: MICROMETRES})
     with (
         drives.open() as stage,
@@ -236,7 +218,7 @@ def test_a_drive_that_says_another_unit_than_the_machine_file_is_refused(
     assert not drives.was_enabled
 
 
-def test_a_rotary_axis_counts_angles(stage_machine: Machine) -> None:
+def test_a_rotary_axis_counts_angles(stage_machine):
     text = stage_machine.text.replace("node: 1\n", "node: 1\n    rotary: true\n")
     drives = Drives(parse_machine(text, "rotary.yaml"), {})
     x, y = (d.dictionary.integer(VELOCITY) & 0xFFFFFFFF for d in drives.stage.drives)
@@ -246,12 +228,12 @@ def test_a_rotary_axis_counts_angles(stage_machine: Machine) -> None:
         assert stage.limitations == ()
 
 
-def test_whatever_is_written_has_a_quantity(stage_machine: Machine) -> None:
+def test_whatever_is_written_has_a_quantity(stage_machine):
     """Boot, homing, and all modes: each object that reaches a drive stands in `drivers.objects`."""
-    written: set[tuple[int, int]] = set()
-    mapped: set[int] = set()
+    written = set()
+    mapped = set()
 
-    def see(time: int, can_id: int, data: bytes) -> None:
+    def see(time, can_id, data):
         if can_id & ~0x7F == 0x600 and data[0] >> 5 == 1:
             index, sub, value = struct.unpack_from("<HBI", data, 1)
             written.add((index, sub))

@@ -4,8 +4,6 @@
 records the times. The journal holds all samples until then.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -14,7 +12,6 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -54,12 +51,12 @@ moves:
 class Onlooker:
     """Sees all frames with the times they came at, and reads objects of the drives by SDO."""
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus):
         self.bus = bus
         self.last_host_heartbeat = 0.0
-        self.lost: dict[int, float] = {}
+        self.lost = {}
 
-    def receive(self, timeout: float) -> can.Message | None:
+    def receive(self, timeout):
         message = self.bus.recv(timeout)
         if message is None:
             return None
@@ -70,7 +67,7 @@ class Onlooker:
             self.lost.setdefault(can_id - 0x80, message.timestamp)
         return message
 
-    def read(self, node: int, index: int, fmt: str) -> int:
+    def read(self, node, index, fmt):
         request = struct.pack("<BHB4x", 0x40, index, 0)
         self.bus.send(can.Message(arbitration_id=0x600 + node, data=request, is_extended_id=False))
         deadline = time.monotonic() + 60
@@ -86,7 +83,7 @@ class Onlooker:
         raise AssertionError(f"node {node} does not answer")
 
 
-def until(condition: Callable[[], bool], onlooker: Onlooker, seconds: float, what: str) -> None:
+def until(condition, onlooker, seconds, what):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, what
@@ -95,9 +92,7 @@ def until(condition: Callable[[], bool], onlooker: Onlooker, seconds: float, wha
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("bus", BUSES)
-def test_the_host_is_killed_in_the_middle_of_a_move(
-    bus: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_host_is_killed_in_the_middle_of_a_move(bus, tmp_path, monkeypatch):
     interface, channel = bus.split(":", 1)
     if interface == "udp_multicast":  # every group is heard on a port: one of our own
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -120,7 +115,7 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
     out = tmp_path / "out"
     journal = out / "recording.journal"
 
-    def start(*arguments: str) -> subprocess.Popen[str]:
+    def start(*arguments):
         return subprocess.Popen(
             [*stagectl, *arguments, *common], cwd=tmp_path, env=environment, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=listening,
@@ -134,7 +129,7 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
             with start("run", "recipe.yaml", "--out", "out") as host:
                 try:
 
-                    def recorded() -> bool:
+                    def recorded():
                         assert host.poll() is None, host.communicate()
                         return journal.exists() and journal.stat().st_size > 12_000
 

@@ -3,14 +3,9 @@
 Runs where STAGECTL_HIL_SOCKETCAN names an interface (tests/system/test_vcan.py).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
-from collections.abc import Iterator
-from typing import Any
 
-import can
 import numpy as np
 import pytest
 
@@ -28,13 +23,13 @@ ON_SOCKETCAN = [
 
 
 @pytest.fixture(scope="module", params=ON_SOCKETCAN)
-def on_socketcan(request: pytest.FixtureRequest, stage_machine: Any) -> Iterator[Any]:
+def on_socketcan(request, stage_machine):
     yield from RIGS[request.param](stage_machine)
 
 
-def syncs(other: can.BusABC, count: int) -> list[can.Message]:
+def syncs(other, count):
     """The next SYNCs."""
-    seen: list[can.Message] = []
+    seen = []
     while len(seen) < count:
         message = other.recv(30.0)
         assert message is not None, f"{len(seen)} SYNCs, then silence"
@@ -44,8 +39,8 @@ def syncs(other: can.BusABC, count: int) -> list[can.Message]:
 
 
 def test_the_kernels_sync_goes_on_while_the_host_computes_and_ends_with_the_session(
-    on_socketcan: Any, travel_to: Any
-) -> None:
+    on_socketcan, travel_to
+):
     bus = dataclasses.replace(on_socketcan.bus, sync_source="kernel", sync_counter=10)
     rig = dataclasses.replace(on_socketcan, bus=bus)
     with rig.other() as other:

@@ -1,10 +1,7 @@
 """Doubled, missed and late frames: counted in the cycle ledger, and when they stop the stage."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -16,19 +13,18 @@ from drivers.stage import Stage
 from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"ledger-{n}" for n in itertools.count())
 
 
 @contextmanager
-def enabled(machine: Machine, *faults: object, **bus_settings: object) -> Iterator[Stage]:
+def enabled(machine, *faults, **bus_settings):
     """A stage on a bus with these faults, held until 1 s."""
     bus, axes = driver_settings(machine)
-    world = FaultyWorld(next(_names), f.FaultPlan(faults))  # type: ignore[arg-type]
+    world = FaultyWorld(next(_names), f.FaultPlan(faults))
     world.power_on(VirtualStage(stage_settings(machine), seed=1))
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name, **bus_settings)  # type: ignore[arg-type]
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name, **bus_settings)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
     with Stage.open(bus, axes) as stage:
         stage.boot()
@@ -39,11 +35,11 @@ def enabled(machine: Machine, *faults: object, **bus_settings: object) -> Iterat
         yield stage
 
 
-def tpdos(*nth: int) -> f.Frames:
+def tpdos(*nth):
     return f.Frames(frozenset({0x182}), "drives", after=1.0, nth=frozenset(nth))
 
 
-def test_a_doubled_tpdo_counts_for_its_sync_and_changes_nothing(stage_machine: Machine) -> None:
+def test_a_doubled_tpdo_counts_for_its_sync_and_changes_nothing(stage_machine):
     with enabled(stage_machine, f.Duplicate(tpdos(10), copies=2)) as stage:
         samples = stage.hold(0.05)
     assert samples.valid.all()
@@ -52,7 +48,7 @@ def test_a_doubled_tpdo_counts_for_its_sync_and_changes_nothing(stage_machine: M
     assert samples.extra[row, 1] == 2
 
 
-def test_a_late_tpdo_is_counted_as_missed(stage_machine: Machine) -> None:
+def test_a_late_tpdo_is_counted_as_missed(stage_machine):
     with enabled(stage_machine, f.Delay(tpdos(10), least=0.7e-3, most=0.7e-3)) as stage:
         samples = stage.hold(0.05)
     (row,) = np.flatnonzero(~samples.valid[:, 1])
@@ -61,10 +57,10 @@ def test_a_late_tpdo_is_counted_as_missed(stage_machine: Machine) -> None:
     assert samples.position[row, 1] == samples.position[row - 1, 1]
 
 
-def away(stage: Stage, periods: float) -> Callable[[tuple[float, ...]], bool]:
+def away(stage, periods):
     """The host does something else for so many periods after every SYNC."""
 
-    def until(_: tuple[float, ...]) -> bool:
+    def until(_):
         clock = stage.clock
         clock.sleep_until_ns(clock.now_ns() + round(periods * stage.settings.period_ns))
         return False
@@ -72,13 +68,13 @@ def away(stage: Stage, periods: float) -> Callable[[tuple[float, ...]], bool]:
     return until
 
 
-def test_one_late_cycle_is_survived_and_counted(stage_machine: Machine) -> None:
+def test_one_late_cycle_is_survived_and_counted(stage_machine):
     with enabled(stage_machine, max_late=1) as stage:
         rows = np.tile(stage.targets, (20, 1))
         late = away(stage, 2.6)
         count = itertools.count()
 
-        def until(position: tuple[float, ...]) -> bool:
+        def until(position):
             return late(position) if next(count) == 7 else False
 
         samples = stage.stream(rows, np.zeros_like(rows), until)
@@ -87,7 +83,7 @@ def test_one_late_cycle_is_survived_and_counted(stage_machine: Machine) -> None:
         assert stage.late == 1
 
 
-def test_too_many_late_cycles_in_a_row_stop_the_stage(stage_machine: Machine) -> None:
+def test_too_many_late_cycles_in_a_row_stop_the_stage(stage_machine):
     with enabled(stage_machine, max_late=3) as stage:
         rows = np.tile(stage.targets, (20, 1))
         with pytest.raises(BusError, match=r"SYNC was late 4 times in a row \(max_late is 3\)"):
@@ -95,7 +91,7 @@ def test_too_many_late_cycles_in_a_row_stop_the_stage(stage_machine: Machine) ->
         assert not stage.enabled
 
 
-def test_sync_by_the_kernel_is_refused_where_it_cannot_be(stage_machine: Machine) -> None:
+def test_sync_by_the_kernel_is_refused_where_it_cannot_be(stage_machine):
     with (
         pytest.raises(ConfigurationError, match=r"sync_source: kernel, but bus .*not SocketCAN"),
         enabled(stage_machine, sync_source="kernel"),
@@ -103,7 +99,7 @@ def test_sync_by_the_kernel_is_refused_where_it_cannot_be(stage_machine: Machine
         pass
 
 
-def there_and_back(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
+def there_and_back(stage):
     """Distance [m] from the demand one row before, on the way back after a pause."""
     phase = np.pi * np.arange(1, 101)[:, None] / 100
     ramp = np.array(stage.targets) + 1e-3 * (1 - np.cos(phase))
@@ -114,10 +110,10 @@ def there_and_back(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
     back = stage.stream(ramp[::-1], np.zeros_like(ramp))
     assert out.valid.all()
     assert back.valid.all()
-    return tuple(s.position[1:] - s.position_demand[:-1] for s in (out, back))  # type: ignore[return-value]
+    return tuple(s.position[1:] - s.position_demand[:-1] for s in (out, back))
 
 
-def test_with_a_sync_window_no_setpoint_is_dropped(stage_machine: Machine) -> None:
+def test_with_a_sync_window_no_setpoint_is_dropped(stage_machine):
     """After a pause the last SYNC's window is over: the drives would drop the first set-points."""
     with enabled(stage_machine) as stage:
         expected = there_and_back(stage)

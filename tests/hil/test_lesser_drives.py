@@ -1,13 +1,9 @@
 """Drives without optional features of CiA 402: they are driven, and limitations are reported."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import struct
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,31 +22,27 @@ _names = itertools.count()
 class Altering:
     """A node's connection on which frames are altered on their way out."""
 
-    def __init__(self, world: World, alter: Callable[[int, bytes], bytes]) -> None:
+    def __init__(self, world, alter):
         self._world, self._alter = world, alter
 
     @property
-    def now_ns(self) -> int:
+    def now_ns(self):
         return self._world.now_ns
 
-    def emit(self, can_id: int, data: bytes) -> None:
+    def emit(self, can_id, data):
         self._world.emit(can_id, self._alter(can_id, data))
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self._world, name)
 
 
 @contextmanager
-def stage_without(
-    *absent: int,
-    alter: Callable[[int, bytes], bytes] = lambda i, d: d,
-    booted_only: bool = False,
-) -> Iterator[tuple[Stage, VirtualStage]]:
+def stage_without(*absent, alter=lambda i, d: d, booted_only=False):
     """A stage whose axis x lacks these objects, though its EDS lists them."""
     machine = load_machine()
     world = World(f"lesser-{next(_names)}")
     drives = VirtualStage(stage_settings(machine), seed=1)
-    drives.attach(Altering(world, alter))  # type: ignore[arg-type]
+    drives.attach(Altering(world, alter))
     for k in list(drives.drives[0].dictionary.variables):
         if k >> 8 in absent:
             del drives.drives[0].dictionary.variables[k]
@@ -65,12 +57,12 @@ def stage_without(
         yield stage, drives
 
 
-def test_a_complete_drive_has_no_limitations() -> None:
+def test_a_complete_drive_has_no_limitations():
     with stage_without() as (stage, _):
         assert stage.limitations == ()
 
 
-def test_without_torque_offset_the_axis_streams_and_records_no_offset() -> None:
+def test_without_torque_offset_the_axis_streams_and_records_no_offset():
     with stage_without(0x60B2) as (stage, _):
         assert stage.limitations == (
             "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
@@ -83,12 +75,12 @@ def test_without_torque_offset_the_axis_streams_and_records_no_offset() -> None:
         assert samples.position[-1, 0] - target[0, 0] == pytest.approx(1e-6, abs=5e-7)
 
 
-def test_without_torque_offset_there_is_nothing_to_correct() -> None:
+def test_without_torque_offset_there_is_nothing_to_correct():
     class Correction:
-        def begin(self, targets: Any, planned: Any, target: Any, continued: bool) -> None:
+        def begin(self, targets, planned, target, continued):
             assert (planned[:, 0] == 0.0).all()
 
-        def offsets(self, row: int, periods: int, doubt: float, channels: Any) -> list[int]:
+        def offsets(self, row, periods, doubt, channels):
             return [10, 10]
 
     with stage_without(0x60B2) as (stage, _):
@@ -99,7 +91,7 @@ def test_without_torque_offset_there_is_nothing_to_correct() -> None:
         assert stage.notices == ()
 
 
-def test_without_torque_actual_value_force_reads_zero() -> None:
+def test_without_torque_actual_value_force_reads_zero():
     with stage_without(0x6077) as (stage, _):
         assert stage.limitations == (
             "axis x: 0x6077:00 torque actual value is not offered: "
@@ -110,14 +102,14 @@ def test_without_torque_actual_value_force_reads_zero() -> None:
         assert (samples.statusword[:, 0] & 0x6F == 0x27).all()
 
 
-def test_without_factor_group_the_increment_is_trusted() -> None:
+def test_without_factor_group_the_increment_is_trusted():
     with stage_without(0x608F, 0x6091, 0x6092, 0x60A8) as (stage, _):
         assert len(stage.limitations) == 3
         assert all("position unit is assumed to be 1e-09 m" in x for x in stage.limitations)
         assert len(stage.hold(0.01)) == 10
 
 
-def test_without_option_codes_and_windows_the_consequence_is_reported() -> None:
+def test_without_option_codes_and_windows_the_consequence_is_reported():
     with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
         assert any("without its host the reaction is manufacturer" in x for x in stage.limitations)
         assert any("does not monitor the following error" in x for x in stage.limitations)
@@ -128,16 +120,16 @@ def test_without_option_codes_and_windows_the_consequence_is_reported() -> None:
 class NoAcknowledge:
     """Takes bit 12 out of the TPDO, once homing, where it says something else, is over."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.active = False
 
-    def __call__(self, can_id: int, data: bytes) -> bytes:
+    def __call__(self, can_id, data):
         if self.active and can_id == 0x181 and len(data) == 8:
             return struct.pack("<H", struct.unpack_from("<H", data)[0] & ~0x1000) + data[2:]
         return data
 
 
-def test_pp_without_bit_12_arrives_and_is_reported() -> None:
+def test_pp_without_bit_12_arrives_and_is_reported():
     alter = NoAcknowledge()
     with stage_without(alter=alter) as (stage, _):
         alter.active = True
@@ -149,7 +141,7 @@ def test_pp_without_bit_12_arrives_and_is_reported() -> None:
         )
 
 
-def test_pp_without_bit_12_and_without_motion_is_a_fault() -> None:
+def test_pp_without_bit_12_and_without_motion_is_a_fault():
     alter = NoAcknowledge()
     with stage_without(alter=alter) as (stage, drives):
         alter.active = True
@@ -164,12 +156,12 @@ def test_pp_without_bit_12_and_without_motion_is_a_fault() -> None:
             stage.move_to("x", target, velocity=0.05, acceleration=1.0)
 
 
-def test_a_fault_merges_all_that_is_known() -> None:
+def test_a_fault_merges_all_that_is_known():
     with stage_without() as (stage, drives):
         target = np.tile(stage.targets, (100, 1))
         count = 0
 
-        def until(_: object) -> bool:
+        def until(_):
             nonlocal count
             count += 1
             if count == 20:
@@ -194,7 +186,7 @@ def test_a_fault_merges_all_that_is_known() -> None:
     assert report.evidence.controlwords[-1] == 0x0F
 
 
-def test_halt_holds_where_it_comes_to_rest() -> None:
+def test_halt_holds_where_it_comes_to_rest():
     with stage_without() as (stage, _):
         s = np.linspace(0, 1, 300)[:, None]
         start = np.array(stage.targets)
@@ -208,14 +200,14 @@ def test_halt_holds_where_it_comes_to_rest() -> None:
         stage.stream(np.tile(stage.targets, (10, 1)), np.zeros((10, 2)))
 
 
-def test_halt_needs_an_enabled_stage() -> None:
+def test_halt_needs_an_enabled_stage():
     with stage_without() as (stage, _):
         stage.disable()
         with pytest.raises(AxisFault, match=r"^axis x: the stage is not enabled"):
             stage.halt()
 
 
-def test_without_a_homing_method_nothing_is_homed_nor_powered() -> None:
+def test_without_a_homing_method_nothing_is_homed_nor_powered():
     with stage_without(0x6098, booted_only=True) as (stage, drives):
         with pytest.raises(ConfigurationError, match=r"^axis x: 0x6098:00 .*not offered: homing"):
             stage.home()
@@ -226,7 +218,7 @@ def test_without_a_homing_method_nothing_is_homed_nor_powered() -> None:
 
 
 @pytest.mark.parametrize("absent", [0x6081, 0x6083, 0x6084])
-def test_a_profile_that_cannot_be_written_is_found_before_power(absent: int) -> None:
+def test_a_profile_that_cannot_be_written_is_found_before_power(absent):
     with stage_without(absent, booted_only=True) as (stage, _):
         with pytest.raises(ConfigurationError, match=rf"^axis x: 0x{absent:X}:00 .*not offered"):
             stage.check_move_to("x", 0.01, 1.0)

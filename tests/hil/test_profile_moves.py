@@ -1,12 +1,8 @@
 """Moves by the drive's own profile: relative, queued, changed on the way, halted."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import struct
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +11,6 @@ from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
@@ -23,12 +18,12 @@ Frame = tuple[int, int, bytes]
 
 
 @pytest.fixture
-def frames() -> list[Frame]:
+def frames():
     return []
 
 
 @pytest.fixture
-def stage(stage_machine: Machine, frames: list[Frame]) -> Iterator[Stage]:
+def stage(stage_machine, frames):
     bus, axes = driver_settings(stage_machine)
     world = World(f"profile-{next(_names)}")
     VirtualStage(stage_settings(stage_machine), seed=1).attach(world)
@@ -42,7 +37,7 @@ def stage(stage_machine: Machine, frames: list[Frame]) -> Iterator[Stage]:
         yield stage
 
 
-def handed_over(frames: list[Frame]) -> list[tuple[int, int, int]]:
+def handed_over(frames):
     """(time [ns], target, controlword) of every rising edge of bit 4 to node 1."""
     edges, before = [], 0
     for time_ns, can_id, data in frames:
@@ -54,7 +49,7 @@ def handed_over(frames: list[Frame]) -> list[tuple[int, int, int]]:
     return edges
 
 
-def test_relative_to_the_actual_position(stage: Stage, frames: list[Frame]) -> None:
+def test_relative_to_the_actual_position(stage, frames):
     start = stage.targets[0]
     stage.move_to("x", 1e-3, velocity=0.05, acceleration=1.0, relative=True)
     assert stage.targets[0] - start == pytest.approx(1e-3, abs=2e-6)
@@ -64,7 +59,7 @@ def test_relative_to_the_actual_position(stage: Stage, frames: list[Frame]) -> N
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_setpoints_queue_in_the_drive(stage: Stage, frames: list[Frame], relative: bool) -> None:
+def test_setpoints_queue_in_the_drive(stage, frames, relative):
     start = stage.targets[0]
     way = [2e-3, -1e-3, 3e-3]
     path = way if relative else [start + sum(way[: n + 1]) for n in range(3)]
@@ -93,9 +88,7 @@ def test_setpoints_queue_in_the_drive(stage: Stage, frames: list[Frame], relativ
         ({"position": []}, r"0x607A:00 .*no target given"),
     ],
 )
-def test_the_limit_is_named_and_nothing_is_sent(
-    stage: Stage, frames: list[Frame], arguments: dict[str, Any], message: str
-) -> None:
+def test_the_limit_is_named_and_nothing_is_sent(stage, frames, arguments, message):
     with pytest.raises(LimitError, match="^axis x: " + message):
         stage.move_to("x", **({"velocity": 0.05, "acceleration": 1.0} | arguments))
     assert frames == []
@@ -104,28 +97,28 @@ def test_the_limit_is_named_and_nothing_is_sent(
 class OldBit10:
     """A node's connection whose TPDO goes on showing "target reached" for so many SYNCs."""
 
-    def __init__(self, world: World, count: int) -> None:
+    def __init__(self, world, count):
         self._world, self._count, self.active = world, count, False
 
     @property
-    def now_ns(self) -> int:
+    def now_ns(self):
         return self._world.now_ns
 
-    def emit(self, can_id: int, data: bytes) -> None:
+    def emit(self, can_id, data):
         if self.active and can_id == 0x181 and len(data) == 8 and self._count:
             self._count -= 1
             data = struct.pack("<H", struct.unpack_from("<H", data)[0] | 0x400) + data[2:]
         self._world.emit(can_id, data)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self._world, name)
 
 
-def test_bit_10_of_the_previous_target_is_ignored(stage_machine: Machine) -> None:
+def test_bit_10_of_the_previous_target_is_ignored(stage_machine):
     bus, axes = driver_settings(stage_machine)
     world = World(f"profile-{next(_names)}")
     node = OldBit10(world, 30)
-    VirtualStage(stage_settings(stage_machine), seed=1).attach(node)  # type: ignore[arg-type]
+    VirtualStage(stage_settings(stage_machine), seed=1).attach(node)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
     with Stage.open(bus, axes) as stage:
@@ -139,7 +132,7 @@ def test_bit_10_of_the_previous_target_is_ignored(stage_machine: Machine) -> Non
         stage.move_to("x", target, velocity=0.05, acceleration=1.0)  # and no way at all is one, too
 
 
-def track(frames: list[Frame]) -> list[float]:
+def track(frames):
     """Positions of node 1 as it reported them [m]."""
     return [struct.unpack("<Hih", d)[1] * 1e-9 for _, i, d in frames if i == 0x181 and len(d) == 8]
 
@@ -147,7 +140,7 @@ def track(frames: list[Frame]) -> list[float]:
 SLOW = {"velocity": 0.02, "acceleration": 1.0}
 
 
-def test_a_new_target_takes_effect_at_once_during_a_move(stage: Stage, frames: list[Frame]) -> None:
+def test_a_new_target_takes_effect_at_once_during_a_move(stage, frames):
     start = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", start + 5e-3)
@@ -166,9 +159,7 @@ def test_a_new_target_takes_effect_at_once_during_a_move(stage: Stage, frames: l
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_a_queued_target_is_replaced_by_one_at_once(
-    stage: Stage, frames: list[Frame], relative: bool
-) -> None:
+def test_a_queued_target_is_replaced_by_one_at_once(stage, frames, relative):
     start = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", start + 5e-3)
@@ -183,9 +174,7 @@ def test_a_queued_target_is_replaced_by_one_at_once(
 
 
 @pytest.mark.parametrize("passing", [True, False])
-def test_a_target_is_passed_without_a_stop_or_with_one(
-    stage: Stage, frames: list[Frame], passing: bool
-) -> None:
+def test_a_target_is_passed_without_a_stop_or_with_one(stage, frames, passing):
     start = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", start + 2e-3)
@@ -202,7 +191,7 @@ def test_a_target_is_passed_without_a_stop_or_with_one(
     ]
 
 
-def test_halt_keeps_the_targets_and_both_axes_go_on(stage: Stage) -> None:
+def test_halt_keeps_the_targets_and_both_axes_go_on(stage):
     x, y = stage.targets
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", x + 3e-3)
@@ -224,7 +213,7 @@ def test_halt_keeps_the_targets_and_both_axes_go_on(stage: Stage) -> None:
         assert stage.positions == pytest.approx((x + 3e-3, y - 1e-3), abs=2e-6)
 
 
-def test_a_halted_move_ends_where_the_axis_stands(stage: Stage) -> None:
+def test_a_halted_move_ends_where_the_axis_stands(stage):
     x = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", 3e-3, relative=True)
@@ -237,7 +226,7 @@ def test_a_halted_move_ends_where_the_axis_stands(stage: Stage) -> None:
     assert held[0] - x > 0.3e-3
 
 
-def test_limits_and_names_are_checked_while_moving(stage: Stage) -> None:
+def test_limits_and_names_are_checked_while_moving(stage):
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", 0.0)
         with pytest.raises(LimitError, match=r"^axis x: 0x607D:02 .*target 0\.16 m is above the"):
@@ -247,10 +236,10 @@ def test_limits_and_names_are_checked_while_moving(stage: Stage) -> None:
     assert stage.positions[0] == pytest.approx(0.0, abs=2e-6)
 
 
-def test_an_exception_inside_the_block_stops_the_axes(stage: Stage) -> None:
+def test_an_exception_inside_the_block_stops_the_axes(stage):
     start = stage.targets[0]
 
-    def interrupted() -> None:
+    def interrupted():
         with stage.profile_moves(**SLOW) as moves:
             moves.to("x", start + 20e-3)
             moves.run(0.1)

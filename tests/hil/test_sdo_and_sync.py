@@ -1,7 +1,5 @@
 """Host and virtual drive together: block transfers both ways, SYNC with a counter."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 
@@ -16,7 +14,6 @@ from drivers.settings import BusSettings
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
@@ -24,12 +21,12 @@ _names = itertools.count()
 
 
 @pytest.fixture(scope="module")
-def machine() -> Machine:
+def machine():
     return load_machine()
 
 
 @pytest.fixture
-def world(machine: Machine) -> tuple[World, VirtualStage]:
+def world(machine):
     world = World(f"sdo-{next(_names)}")
     stage = VirtualStage(stage_settings(machine), seed=1)
     stage.attach(world)
@@ -37,7 +34,7 @@ def world(machine: Machine) -> tuple[World, VirtualStage]:
     return world, stage
 
 
-def test_block_transfers_both_ways(world: tuple[World, VirtualStage]) -> None:
+def test_block_transfers_both_ways(world):
     with can.Bus(interface="lockstep", channel=world[0].name) as bus:
         channel = SdoChannel(Network(bus, "lockstep"), 1)
         assert channel.block_upload(0x1008, 0) == b"stagectl linear drive"
@@ -51,13 +48,13 @@ def test_block_transfers_both_ways(world: tuple[World, VirtualStage]) -> None:
         assert channel.upload(0x607C, 0) == (123456789).to_bytes(4, "little")
 
 
-def test_sync_with_a_counter(machine: Machine, world: tuple[World, VirtualStage]) -> None:
+def test_sync_with_a_counter(machine, world):
     bus, axes = driver_settings(machine)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world[0].name, sync_counter=10)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    counters: list[int] = []
+    counters = []
 
-    def tap(time_ns: int, can_id: int, data: bytes) -> None:
+    def tap(time_ns, can_id, data):
         if can_id == 0x80:
             counters.append(data[0])
 
@@ -75,9 +72,7 @@ def test_sync_with_a_counter(machine: Machine, world: tuple[World, VirtualStage]
         assert stage.hold(0.01).valid.all()
 
 
-def test_a_counter_that_a_drive_does_not_support_is_refused(
-    machine: Machine, world: tuple[World, VirtualStage]
-) -> None:
+def test_a_counter_that_a_drive_does_not_support_is_refused(machine, world):
     bus, axes = driver_settings(machine)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world[0].name, sync_counter=10)
     del world[1].drives[0].dictionary.variables[0x101900]
@@ -89,6 +84,6 @@ def test_a_counter_that_a_drive_does_not_support_is_refused(
 
 
 @pytest.mark.parametrize("counter", [1, -1, 241])
-def test_impossible_counters_are_refused(counter: int) -> None:
+def test_impossible_counters_are_refused(counter):
     with pytest.raises(ConfigurationError, match="sync_counter"):
         BusSettings("virtual", "x", sync_counter=counter)

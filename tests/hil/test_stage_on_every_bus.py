@@ -1,11 +1,7 @@
 """The driver with the virtual drives, on every bus."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
-from pathlib import Path
-from typing import Any
 
 import can
 import numpy as np
@@ -14,10 +10,9 @@ import pytest
 from drivers.errors import AxisFault, BusError, LimitError, NodeError
 from drivers.objects import ObjectRef
 from drivers.stage import Stage
-from stagedata import Samples
 
 
-def wait(stage: Stage, rig: Any, duration: float) -> None:
+def wait(stage, rig, duration):
     """Time passes, and the host does nothing (it does not even pump)."""
     if rig.virtual_time:
         bus = stage._network.bus  # noqa: SLF001  the only way to let virtual time pass unpumped
@@ -26,14 +21,14 @@ def wait(stage: Stage, rig: Any, duration: float) -> None:
         time.sleep(duration)
 
 
-def good(samples: Any, rig: Any) -> bool:
+def good(samples, rig):
     """All process data came, or nearly all on a bus in real time, most in a guest's."""
     share = samples.valid.mean()
     return bool(share == 1.0 if rig.virtual_time else share >= (0.6 if rig.guest else 0.9))
 
 
 @pytest.mark.every_bus
-def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: Any) -> None:
+def test_boot_home_at_the_index_enable_stream(rig, travel_to, hold):
     with rig.open(homing_method=34) as stage:
         stage.boot()
         assert not stage.homed
@@ -56,7 +51,7 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
 
 
 @pytest.mark.every_bus
-def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, hold: Any) -> None:
+def test_the_host_knows_when_its_syncs_were_on_the_bus(stage, rig, hold):
     samples = stage.stream(*hold(stage, 60))
     if rig.virtual_time:
         assert np.isinf(samples.doubt).all()  # as with any bus that tells nothing
@@ -72,11 +67,9 @@ def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, h
 
 
 @pytest.mark.every_bus
-def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
-    stage: Stage, rig: Any, travel_to: Any
-) -> None:
+def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(stage, rig, travel_to):
     """Position lags its own row by one period, and not by two (reference-stage.md, Timing)."""
-    right: list[bool] = []
+    right = []
     for turn in range(10):
         way = (-1) ** turn * 5e-3
         target = (stage.targets[0] + way, stage.targets[1] + way)
@@ -95,10 +88,10 @@ def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
     pytest.fail(f"{len(right)} undisturbed samples in ten turns: this machine has no time")
 
 
-def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, hold: Any) -> None:
+def test_the_force_offset_reaches_the_motor_in_newtons(stage, rig, hold):
     force = np.array((2.0, -3.0))
 
-    def step() -> Samples:
+    def step():
         position, offset = hold(stage, round(0.2 / rig.period))
         offset[:] = 0.0
         stage.stream(position, offset)
@@ -113,8 +106,8 @@ def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, h
         np.testing.assert_allclose(samples.force_offset[0], force)
 
 
-def test_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> None:
-    seen: list[int] = []
+def test_setpoints_outside_the_limits_reach_no_drive(rig, hold):
+    seen = []
     with rig.open(tap=lambda t, can_id, data: seen.append(can_id)) as stage:
         stage.boot()
         stage.reset_faults()
@@ -129,9 +122,7 @@ def test_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> Non
 
 
 @pytest.mark.every_bus
-def test_quick_stop_in_motion_stops_and_switches_power_off(
-    stage: Stage, rig: Any, travel_to: Any
-) -> None:
+def test_quick_stop_in_motion_stops_and_switches_power_off(stage, rig, travel_to):
     position, offset = travel_to(stage, (0.03, 0.02), 0.4, rig.period)
     half, start = len(position) // 2, stage.targets[0]
     stage.stream(position[:half], offset[:half])
@@ -145,9 +136,7 @@ def test_quick_stop_in_motion_stops_and_switches_power_off(
     assert stage.enabled
 
 
-def test_a_following_error_of_one_axis_stops_both_and_can_be_reset(
-    stage: Stage, rig: Any, travel_to: Any, hold: Any
-) -> None:
+def test_a_following_error_of_one_axis_stops_both_and_can_be_reset(stage, rig, travel_to, hold):
     window = ObjectRef(0x6065, 0, "following error window")
     stage.axes[0].node.write(window, 100)  # 100 nm: less than any motion needs
     target = (stage.targets[0] + 0.02, stage.targets[1] + 0.01)
@@ -164,7 +153,7 @@ def test_a_following_error_of_one_axis_stops_both_and_can_be_reset(
 
 
 @pytest.mark.every_bus
-def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> None:
+def test_a_lost_heartbeat_stops_all_axes(stage, rig, hold):
     stage.axes[1].node.write(ObjectRef(0x1017, 0, ""), 0)
     with pytest.raises(AxisFault, match=r"^axis y: heartbeat lost: node 2 silent"):
         stage.stream(*hold(stage, round(1.0 / rig.period)))
@@ -180,14 +169,12 @@ def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> N
     ],
     ids=["boot-up message", "another host's reset"],
 )
-def test_a_reboot_while_running_is_noticed(
-    stage: Stage, rig: Any, hold: Any, can_id: int, data: list[int], error: type, said: str
-) -> None:
+def test_a_reboot_while_running_is_noticed(stage, rig, hold, can_id, data, error, said):
     assert stage.homed
     counted = 0
     with rig.other() as other:
 
-        def until(position: tuple[float, ...]) -> bool:
+        def until(position):
             nonlocal counted
             counted += 1
             if counted == 5:
@@ -201,9 +188,7 @@ def test_a_reboot_while_running_is_noticed(
 
 
 @pytest.mark.every_bus
-def test_the_drives_stop_by_themselves_when_the_host_falls_silent(
-    stage: Stage, rig: Any, hold: Any
-) -> None:
+def test_the_drives_stop_by_themselves_when_the_host_falls_silent(stage, rig, hold):
     wait(stage, rig, 0.8)
     with pytest.raises(AxisFault, match=r"^axis [xy]: .*(0x8130|QUICK STOP|DISABLED|FAULT)"):
         stage.stream(*hold(stage, 10))
@@ -212,12 +197,12 @@ def test_the_drives_stop_by_themselves_when_the_host_falls_silent(
     assert stage.enabled
 
 
-def test_idle_keeps_the_host_heartbeat_going(stage: Stage, rig: Any, hold: Any) -> None:
+def test_idle_keeps_the_host_heartbeat_going(stage, rig, hold):
     stage.idle(0.8)
     assert len(stage.stream(*hold(stage, 10))) == 10
 
 
-def test_profile_position_move(stage: Stage, rig: Any, hold: Any) -> None:
+def test_profile_position_move(stage, rig, hold):
     other = stage.targets[0]
     target = stage.targets[1] + 2e-3
     stage.move_to("y", target, velocity=0.05, acceleration=1.0)
@@ -228,7 +213,7 @@ def test_profile_position_move(stage: Stage, rig: Any, hold: Any) -> None:
     assert np.abs(rest.position[:, 1] - target).max() < 2e-6
 
 
-def test_another_device_is_refused(rig: Any, tmp_path: Path) -> None:
+def test_another_device_is_refused(rig, tmp_path):
     original = rig.axes[0].eds
     for number, (old, new) in enumerate(
         [("0x00535447", "0x00000022"), ("0x00000402", "0x00000999")]
@@ -245,7 +230,7 @@ def test_another_device_is_refused(rig: Any, tmp_path: Path) -> None:
             stage.boot()
 
 
-def test_a_missing_node_is_named(rig: Any) -> None:
+def test_a_missing_node_is_named(rig):
     axes = (rig.axes[0], dataclasses.replace(rig.axes[1], node=9))
     with (
         Stage.open(rig.bus, axes) as stage,
@@ -254,13 +239,13 @@ def test_a_missing_node_is_named(rig: Any) -> None:
         stage.boot()
 
 
-def test_a_refused_write_names_the_abort(booted: Stage) -> None:
+def test_a_refused_write_names_the_abort(booted):
     with pytest.raises(NodeError, match=r"0x6041:00 status.*read only object \(abort 0x06010002\)"):
         booted.axes[0].node.write(ObjectRef(0x6041, 0, "statusword"), 0)
 
 
 @pytest.mark.every_bus
-def test_closing_leaves_the_drives_without_power(rig: Any, hold: Any) -> None:
+def test_closing_leaves_the_drives_without_power(rig, hold):
     with rig.open() as stage:
         stage.boot()
         stage.reset_faults()
@@ -273,7 +258,7 @@ def test_closing_leaves_the_drives_without_power(rig: Any, hold: Any) -> None:
         again.boot()  # and another session finds them as they should be
 
 
-def test_homing_again_only_on_request(stage: Stage, rig: Any, travel_to: Any, hold: Any) -> None:
+def test_homing_again_only_on_request(stage, rig, travel_to, hold):
     there = (stage.targets[0] + 1e-3, stage.targets[1] - 1e-3)
     stage.stream(*travel_to(stage, there, 0.1, rig.period))
     stage.stream(*hold(stage, round(0.3 / rig.period)))

@@ -54,7 +54,7 @@ def drives():
         thread = threading.Thread(target=serve, args=(stage, bus, stop))
         thread.start()
         # Else a boot-up at power-on is taken for the answer to a reset that is still to come.
-        booted: set[int] = set()
+        booted = set()
         while not booted >= {0x701, 0x702}:
             message = listener.recv(ANSWERED_WITHIN)
             assert message is not None, "no boot-up"

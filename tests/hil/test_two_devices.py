@@ -4,14 +4,10 @@ The second stage receives all that the first one receives. Its frames may be kep
 that boot-up messages, SDO answers and TPDOs are tested one by one.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +18,6 @@ from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"two-devices-{n}" for n in itertools.count())
@@ -33,33 +28,33 @@ BOOT_UP, SDO, TPDO = 0x701, 0x581, 0x181
 class Muffled:
     """A drive's connection on which only frames with these ids get out."""
 
-    def __init__(self, world: World, *ids: int) -> None:
+    def __init__(self, world, *ids):
         self._world, self.ids = world, set(ids)
 
     @property
-    def now_ns(self) -> int:
+    def now_ns(self):
         return self._world.now_ns
 
-    def emit(self, can_id: int, data: bytes) -> None:
+    def emit(self, can_id, data):
         if can_id in self.ids and not (can_id == BOOT_UP and data != b"\0"):
             self.say(can_id, data)
 
-    def say(self, can_id: int, data: bytes) -> None:
+    def say(self, can_id, data):
         self._world.emit(can_id, data)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self._world, name)
 
 
 @contextmanager
-def twins(machine: Machine, *heard: int) -> Iterator[tuple[Stage, VirtualStage, Muffled]]:
+def twins(machine, *heard):
     """A stage, and a second one of which frames with the ids `heard` are heard."""
     bus, axes = driver_settings(machine)
     world = World(next(_names))
     drives, others = (VirtualStage(stage_settings(machine), seed=seed) for seed in (1, 2))
     drives.attach(world)
     muffled = Muffled(world, *heard)
-    others.attach(muffled)  # type: ignore[arg-type]
+    others.attach(muffled)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
     with Stage.open(bus, axes) as stage:
@@ -67,7 +62,7 @@ def twins(machine: Machine, *heard: int) -> Iterator[tuple[Stage, VirtualStage, 
 
 
 @contextmanager
-def faulty(machine: Machine, *faults: f.Fault) -> Iterator[Stage]:
+def faulty(machine, *faults):
     """A stage on a bus with these faults."""
     bus, axes = driver_settings(machine)
     world = FaultyWorld(next(_names), f.FaultPlan(faults))
@@ -86,21 +81,19 @@ def faulty(machine: Machine, *faults: f.Fault) -> Iterator[Stage]:
         ([BOOT_UP, SDO, TPDO], "2 boot-up messages after one reset"),
     ],
 )
-def test_two_devices_are_refused_before_power(
-    stage_machine: Machine, heard: list[int], said: str
-) -> None:
+def test_two_devices_are_refused_before_power(stage_machine, heard, said):
     with twins(stage_machine, *heard) as (stage, drives, _):
         with pytest.raises(NodeError, match=f"^axis x: {said}.* node id 1"):
             stage.boot()
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine: Machine) -> None:
+def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine):
     """They come while the first drive is set up, 23 ms after its own."""
     with twins(stage_machine) as (stage, drives, muffled):
         own = itertools.cycle([True, False])
 
-        def follow(data: bytes) -> None:
+        def follow(data):
             if data == b"\0" and next(own):
                 muffled.at(muffled.now_ns + 23_000_000, partial(muffled.say, BOOT_UP, data))
 
@@ -110,7 +103,7 @@ def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine: Mach
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_tpdos_of_two_devices_are_noticed_before_power(stage_machine: Machine) -> None:
+def test_tpdos_of_two_devices_are_noticed_before_power(stage_machine):
     with twins(stage_machine, TPDO) as (stage, drives, _):
         stage.boot()
         with pytest.raises(AxisFault, match=r"^axis x: .*more than one TPDO 0x181 .* node id 1\?"):
@@ -118,17 +111,17 @@ def test_tpdos_of_two_devices_are_noticed_before_power(stage_machine: Machine) -
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine: Machine) -> None:
+def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine):
     with twins(stage_machine) as (stage, drives, muffled):
         stage.boot()
         stage.home()
         stage.enable()
-        samples: list[tuple[int, ...]] = []
+        samples = []
         stage.sink = samples.append
         rows = np.tile(stage.targets, (100, 1))
         count = itertools.count()
 
-        def until(_: tuple[float, ...]) -> bool:
+        def until(_):
             if next(count) == 20:
                 muffled.ids.add(TPDO)
             return False
@@ -144,7 +137,7 @@ def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine: M
     assert (position[21:] == position[20]).all()
 
 
-def test_an_occasional_duplicate_frame_stops_nothing(stage_machine: Machine) -> None:
+def test_an_occasional_duplicate_frame_stops_nothing(stage_machine):
     every = f.Duplicate(f.Frames(probability=0.05), copies=2)
     with faulty(stage_machine, every) as stage:
         stage.boot()
@@ -156,7 +149,7 @@ def test_an_occasional_duplicate_frame_stops_nothing(stage_machine: Machine) -> 
 
 
 @pytest.mark.parametrize("least", [0.2e-3, 1.2e-3])
-def test_late_tpdos_do_not_count_as_doubled(stage_machine: Machine, least: float) -> None:
+def test_late_tpdos_do_not_count_as_doubled(stage_machine, least):
     """Some come for a SYNC after theirs: two for that one, and none for their own."""
     late = f.Delay(
         f.Frames(frozenset({0x181, 0x182}), "drives", after=1.5, probability=0.3), least, 2.4e-3
@@ -169,7 +162,7 @@ def test_late_tpdos_do_not_count_as_doubled(stage_machine: Machine, least: float
         assert stage.enabled
 
 
-def test_a_second_sync_is_named_by_the_tpdos_of_all_axes(stage_machine: Machine) -> None:
+def test_a_second_sync_is_named_by_the_tpdos_of_all_axes(stage_machine):
     with faulty(stage_machine, f.Duplicate(f.Frames(frozenset({0x80}), "host"))) as stage:
         stage.boot()
         with pytest.raises(AxisFault, match="from the other axes: a second SYNC"):

@@ -1,7 +1,5 @@
 """Units other than 1 nm, homing that cannot end, drives left in a fault."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 
@@ -13,7 +11,6 @@ from drivers.stage import Stage
 from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
@@ -24,19 +21,19 @@ TPDO_X = frozenset({0x181})
 class Bench:
     """A stage that is booted, on a faulty world; its virtual drives keep their state."""
 
-    def __init__(self, machine: Machine, *faults: object) -> None:
-        self.world = FaultyWorld(next(_names), f.FaultPlan(faults))  # type: ignore[arg-type]
+    def __init__(self, machine, *faults):
+        self.world = FaultyWorld(next(_names), f.FaultPlan(faults))
         self.drives = VirtualStage(stage_settings(machine), seed=1, start=(-5e-3, -4e-3))
         self.world.power_on(self.drives)
         self.machine = machine
 
-    def open(self, **changes: object) -> Stage:
+    def open(self, **changes):
         bus, axes = driver_settings(self.machine)
         bus = dataclasses.replace(bus, interface="lockstep", channel=self.world.name)
         return Stage.open(bus, [dataclasses.replace(a, **changes) for a in axes])
 
 
-def homes_and_goes_a_millimetre(stage: Stage) -> None:
+def homes_and_goes_a_millimetre(stage):
     """Whatever the units on the bus are, the stage's are metres."""
     stage.boot()
     stage.home()
@@ -50,7 +47,7 @@ def homes_and_goes_a_millimetre(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("increment", ["5 nm", "0.5 nm", "4.8828125 nm"])
-def test_encoder_increments_other_than_1_nm(stage_machine: Machine, increment: str) -> None:
+def test_encoder_increments_other_than_1_nm(stage_machine, increment):
     text = stage_machine.text.replace("increment: 1.0e-9", f"increment: {increment}")
     bench = Bench(parse_machine(text, "other.yaml"))
     with bench.open() as stage:
@@ -66,7 +63,7 @@ UNITS = [
 
 
 @pytest.mark.parametrize("units", UNITS)
-def test_drives_with_other_units(stage_machine: Machine, units: str) -> None:
+def test_drives_with_other_units(stage_machine, units):
     text = stage_machine.text
     for rated in ("rated_force: 40.0", "rated_force: 60.0"):
         text = text.replace(rated, f"{units}\n      {rated}")
@@ -85,7 +82,7 @@ def test_drives_with_other_units(stage_machine: Machine, units: str) -> None:
         assert stage.positions[0] - before == pytest.approx(speed[:, 0].sum() * 1e-3, abs=2e-6)
 
 
-def test_a_wrong_unit_in_the_machine_file_is_named(stage_machine: Machine) -> None:
+def test_a_wrong_unit_in_the_machine_file_is_named(stage_machine):
     machine = stage_machine.text.replace(
         "rated_force: 40.0", "position_unit: 2 nm\n      rated_force: 40.0"
     )
@@ -100,7 +97,7 @@ def test_a_wrong_unit_in_the_machine_file_is_named(stage_machine: Machine) -> No
         stage.boot()
 
 
-def test_a_frozen_tpdo_ends_homing_soon_and_is_named(stage_machine: Machine) -> None:
+def test_a_frozen_tpdo_ends_homing_soon_and_is_named(stage_machine):
     bench = Bench(stage_machine, f.Freeze(f.Frames(TPDO_X, "drives", after=0.8)))
     with bench.open() as stage:
         stage.boot()
@@ -113,7 +110,7 @@ def test_a_frozen_tpdo_ends_homing_soon_and_is_named(stage_machine: Machine) -> 
         assert not stage.homed
 
 
-def test_an_earlier_homing_in_frozen_data_is_not_accepted(stage_machine: Machine) -> None:
+def test_an_earlier_homing_in_frozen_data_is_not_accepted(stage_machine):
     bench = Bench(stage_machine, f.Freeze(f.Frames(TPDO_X, "drives", after=4.0)))
     with bench.open() as stage:
         stage.boot()
@@ -126,9 +123,7 @@ def test_an_earlier_homing_in_frozen_data_is_not_accepted(stage_machine: Machine
             stage.home(force=True)
 
 
-def test_a_fault_of_an_earlier_session_says_how_to_reset_it(
-    stage_machine: Machine,
-) -> None:
+def test_a_fault_of_an_earlier_session_says_how_to_reset_it(stage_machine):
     bench = Bench(stage_machine)
     with bench.open(homing_method=37) as stage:
         stage.boot()

@@ -1,24 +1,19 @@
 """A drive that goes on under power when its host is lost: refused before power, or accepted."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 from canopen import SdoAbortedError
 
 from drivers.errors import ConfigurationError
-from drivers.settings import AxisSettings
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.cia301 import Dictionary, key
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
@@ -28,39 +23,39 @@ CONSUMER, REACTION = key(0x1016, 1), key(0x6007)
 Change = Callable[[Dictionary], object]
 
 
-def refusing(code: int) -> Callable[[int], None]:
-    def check(value: int) -> None:
+def refusing(code):
+    def check(value):
         raise SdoAbortedError(code)
 
     return check
 
 
-def without_consumer(drive: Dictionary) -> None:
+def without_consumer(drive):
     del drive.variables[CONSUMER]
 
 
-def refuses_consumer(drive: Dictionary) -> None:
+def refuses_consumer(drive):
     drive.check[CONSUMER] = refusing(0x06090030)
 
 
-def forgets_consumer(drive: Dictionary) -> None:
+def forgets_consumer(drive):
     drive.live[CONSUMER] = lambda: 0
 
 
-def watches_none(drive: Dictionary) -> None:
+def watches_none(drive):
     drive.live[key(0x1016, 0)] = lambda: 0
 
 
-def keeps_no_action(drive: Dictionary) -> None:
+def keeps_no_action(drive):
     drive.live[REACTION] = lambda: 0
 
 
-def holds_no_action(drive: Dictionary) -> None:
+def holds_no_action(drive):
     drive.values[REACTION] = 0
     drive.check[REACTION] = refusing(0x06010002)
 
 
-UNWATCHED: dict[str, tuple[Change, str]] = {
+UNWATCHED = {
     "absent": (without_consumer, "0x1016:01 consumer heartbeat time.* is not offered: "),
     "refused": (refuses_consumer, "0x1016:01 consumer heartbeat time.* refused.*0x06090030"),
     "not kept": (forgets_consumer, "0x1016:01 consumer heartbeat time.* is 0, not "),
@@ -74,14 +69,12 @@ UNWATCHED: dict[str, tuple[Change, str]] = {
 
 
 @pytest.fixture(params=UNWATCHED)
-def unwatched(request: pytest.FixtureRequest) -> tuple[Change, str]:
+def unwatched(request):
     return UNWATCHED[request.param]
 
 
 @contextmanager
-def opened(
-    machine: Machine, change: Change = lambda d: None, **settings: object
-) -> Iterator[tuple[Stage, VirtualStage, World]]:
+def opened(machine, change=lambda d: None, **settings):
     """A stage whose drive x was changed; axis x with these settings."""
     bus, axes = driver_settings(machine)
     world = World(next(_names))
@@ -90,14 +83,12 @@ def opened(
     change(drives.drives[0].dictionary)
     bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
     axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    axes = (dataclasses.replace(axes[0], **settings), *axes[1:])  # type: ignore[arg-type]
+    axes = (dataclasses.replace(axes[0], **settings), *axes[1:])
     with Stage.open(bus, axes) as stage:
         yield stage, drives, world
 
 
-def test_an_unwatched_host_is_refused_before_power(
-    stage_machine: Machine, unwatched: tuple[Change, str]
-) -> None:
+def test_an_unwatched_host_is_refused_before_power(stage_machine, unwatched):
     change, said = unwatched
     with opened(stage_machine, change) as (stage, drives, _):
         with pytest.raises(ConfigurationError, match=f"^axis x: {said}.*unwatched_host: accept"):
@@ -105,9 +96,7 @@ def test_an_unwatched_host_is_refused_before_power(
         assert drives.drives[0].motion.state is State.SWITCH_ON_DISABLED
 
 
-def test_an_accepted_unwatched_host_is_powered_and_reported(
-    stage_machine: Machine, unwatched: tuple[Change, str]
-) -> None:
+def test_an_accepted_unwatched_host_is_powered_and_reported(stage_machine, unwatched):
     change, said = unwatched
     with opened(stage_machine, change, unwatched_host=True) as (stage, _, _):
         stage.boot()
@@ -119,7 +108,7 @@ def test_an_accepted_unwatched_host_is_powered_and_reported(
         assert stage.enabled
 
 
-def test_the_drive_goes_on_without_its_host_as_reported(stage_machine: Machine) -> None:
+def test_the_drive_goes_on_without_its_host_as_reported(stage_machine):
     with opened(stage_machine, without_consumer, unwatched_host=True) as (stage, drives, world):
         stage.boot()
         stage.home()
@@ -129,7 +118,7 @@ def test_the_drive_goes_on_without_its_host_as_reported(stage_machine: Machine) 
     assert states == [State.ENABLED, State.SWITCH_ON_DISABLED]
 
 
-def test_an_eds_without_the_object_is_refused(stage_machine: Machine, tmp_path: Path) -> None:
+def test_an_eds_without_the_object_is_refused(stage_machine, tmp_path):
     _, axes = driver_settings(stage_machine)
     text = axes[0].eds.read_text()
     before, _, after = text.partition("[1016]\n")
@@ -143,8 +132,8 @@ def test_an_eds_without_the_object_is_refused(stage_machine: Machine, tmp_path: 
         stage.boot()
 
 
-def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine: Machine) -> None:
-    def faults(drive: Dictionary) -> None:
+def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine):
+    def faults(drive):
         drive.values[REACTION] = 1
         drive.check[REACTION] = refusing(0x06010002)
 
@@ -155,7 +144,7 @@ def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine: Mac
         assert clause.endswith("without its host it faults")
 
 
-def test_a_released_drive_is_pre_operational(stage_machine: Machine) -> None:
+def test_a_released_drive_is_pre_operational(stage_machine):
     """Its refusal to watch a host is no reason to leave it sending."""
     with opened(stage_machine, refuses_consumer, unwatched_host=True) as (stage, drives, _):
         stage.boot()
@@ -163,9 +152,9 @@ def test_a_released_drive_is_pre_operational(stage_machine: Machine) -> None:
 
 
 @pytest.mark.parametrize(("text", "accepted"), [("refuse", False), ("accept", True)])
-def test_the_machine_file_decides(stage_machine: Machine, text: str, accepted: bool) -> None:
+def test_the_machine_file_decides(stage_machine, text, accepted):
     changed = stage_machine.text.replace(
         "rated_force: 40.0", f"unwatched_host: {text}\n      rated_force: 40.0"
     )
-    axes: tuple[AxisSettings, ...] = driver_settings(parse_machine(changed, "m.yaml"))[1]
+    axes = driver_settings(parse_machine(changed, "m.yaml"))[1]
     assert [axis.unwatched_host for axis in axes] == [accepted, False]

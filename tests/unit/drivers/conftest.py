@@ -4,11 +4,9 @@ Synchronous and in virtual time: whatever a frame leads to is in the receive que
 returns; only waiting in `recv` or `clock.sleep_until_ns` moves time.
 """
 
-from __future__ import annotations
-
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -24,12 +22,12 @@ from drivers.stage import Stage
 STATUS = {state: state.value[1] | 0x0200 for state in State}
 
 
-def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
+def rest(stage, count):
     """Setpoints that hold where the stage stands."""
     return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
-def power_is_off(scripted: ScriptedBus) -> bool:
+def power_is_off(scripted):
     """Whether the last controlword that each drive took removes its power, without force offset."""
     return all(d.latched[0] & 0xF in (0, 2) and d.latched[2] == 0 for d in scripted.drives)
 
@@ -48,7 +46,7 @@ class ScriptedDrive:
         on_sync: called with the drive and the number of the SYNC before it answers.
     """
 
-    def __init__(self, bus: ScriptedBus, node: int, rated: float) -> None:
+    def __init__(self, bus, node, rated):
         self.bus = bus
         self.node = node
         self.objects: dict[tuple[int, int], int] = {
@@ -83,14 +81,14 @@ class ScriptedDrive:
         self.on_sync: Callable[[ScriptedDrive, int], None] = lambda drive, count: None
         self.next_beat = 0
 
-    def emit(self, can_id: int, data: bytes) -> None:
+    def emit(self, can_id, data):
         if not self.silent:
             self.bus.deliver(can_id, data)
 
-    def emergency(self, code: int) -> None:
+    def emergency(self, code):
         self.emit(0x80 + self.node, struct.pack("<HB5x", code, 0x21))
 
-    def on_frame(self, can_id: int, data: bytes) -> None:
+    def on_frame(self, can_id, data):
         if self.deaf:
             return
         if can_id == 0 and data[1] in (0, self.node):
@@ -113,7 +111,7 @@ class ScriptedDrive:
                 self.emit(0x180 + self.node, struct.pack("<Hih", word, self.position, self.force))
             self.take_over()
 
-    def take_over(self) -> None:
+    def take_over(self):
         word, target, _ = self.latched
         if self.state is State.NOT_READY_TO_SWITCH_ON and self.waits_for_word and not word:
             return
@@ -129,7 +127,7 @@ class ScriptedDrive:
             self.position = target
         self.controlword = word
 
-    def answer_sdo(self, data: bytes) -> None:
+    def answer_sdo(self, data):
         command, index, sub = struct.unpack_from("<BHB", data)
         key = (index, sub)
         code = self.refuse.get(key) or (self.refuse_write.get(key) if command != 0x40 else None)
@@ -158,7 +156,7 @@ class ScriptedDrive:
                 self.objects[key] = value
             self.emit(0x580 + self.node, struct.pack("<BHB4x", 0x60, index, sub))
 
-    def tick(self, now: int) -> None:
+    def tick(self, now):
         if now >= self.next_beat:
             self.next_beat = now + 100_000_000
             if self.objects.get((0x1017, 0)):
@@ -166,14 +164,14 @@ class ScriptedDrive:
 
 
 class ScriptedClock:
-    def __init__(self, bus: ScriptedBus) -> None:
+    def __init__(self, bus):
         self.bus = bus
         self.now = 0
 
-    def now_ns(self) -> int:
+    def now_ns(self):
         return self.now
 
-    def sleep_until_ns(self, t: int) -> None:
+    def sleep_until_ns(self, t):
         while self.now < t:
             beat = min((d.next_beat for d in self.bus.drives), default=t)
             self.now = max(self.now, min(t, beat))
@@ -189,7 +187,7 @@ class ScriptedBus(can.BusABC):
         mended_at: when it takes frames again [ns].
     """
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__(channel="scripted")
         self.channel_info = "scripted"
         self.drives: list[ScriptedDrive] = []
@@ -199,7 +197,7 @@ class ScriptedBus(can.BusABC):
         self.mended_at: float = float("inf")
         self.queue: deque[can.Message] = deque()
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+    def send(self, msg, timeout=None):
         if self.broken is not None and self.clock.now < self.mended_at:
             raise can.CanOperationError(self.broken)
         data = bytes(msg.data)
@@ -207,24 +205,24 @@ class ScriptedBus(can.BusABC):
         for drive in self.drives:
             drive.on_frame(msg.arbitration_id, data)
 
-    def deliver(self, can_id: int, data: bytes) -> None:
+    def deliver(self, can_id, data):
         self.queue.append(
             can.Message(arbitration_id=can_id, is_extended_id=False, data=bytearray(data))
         )
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
+    def recv(self, timeout=None):
         if not self.queue and timeout:
             self.clock.sleep_until_ns(self.clock.now + round(timeout * 1e9))
         return self.queue.popleft() if self.queue else None
 
 
 @pytest.fixture(scope="session")
-def eds() -> Path:
+def eds():
     return Path(str(files("hil_sim"))) / "eds" / "stagectl-linear-drive.eds"
 
 
 @pytest.fixture
-def axis_settings(eds: Path) -> tuple[AxisSettings, ...]:
+def axis_settings(eds):
     common = {
         "eds": eds, "travel": (-0.15, 0.15), "velocity": 1.0, "acceleration": 10.0,
         "jerk": 2000.0, "following_error": 1e-3,
@@ -236,12 +234,12 @@ def axis_settings(eds: Path) -> tuple[AxisSettings, ...]:
 
 
 @pytest.fixture
-def bus_settings() -> BusSettings:
+def bus_settings():
     return BusSettings("scripted", "0")
 
 
 @pytest.fixture
-def scripted(axis_settings: tuple[AxisSettings, ...]) -> Iterator[ScriptedBus]:
+def scripted(axis_settings):
     bus = ScriptedBus()
     for axis in axis_settings:
         bus.drives.append(ScriptedDrive(bus, axis.node, axis.rated_force))
@@ -251,9 +249,7 @@ def scripted(axis_settings: tuple[AxisSettings, ...]) -> Iterator[ScriptedBus]:
 
 
 @pytest.fixture
-def stage(
-    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> Iterator[Stage]:
+def stage(scripted, bus_settings, axis_settings):
     """Booted on the scripted bus; not homed, not enabled."""
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         stage.boot()

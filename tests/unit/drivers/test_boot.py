@@ -1,32 +1,22 @@
 """Boot on scripted drives: the order of its steps, doubled ids, and a second boot."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
-from tests.unit.drivers.conftest import ScriptedBus
 
 
 @pytest.fixture
-def opened(
-    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> Stage:
+def opened(scripted, bus_settings, axis_settings):
     return Stage.open(bus_settings, axis_settings, bus_object=scripted)
 
 
-def nmt(scripted: ScriptedBus) -> list[tuple[int, int]]:
+def nmt(scripted):
     """NMT commands sent, each with its node."""
     return [(d[0], d[1]) for _, can_id, d in scripted.sent if can_id == 0x000]
 
 
-def test_opening_sends_nothing_and_booting_starts_the_nodes_last(
-    opened: Stage, scripted: ScriptedBus
-) -> None:
+def test_opening_sends_nothing_and_booting_starts_the_nodes_last(opened, scripted):
     assert scripted.sent == []
     with opened:
         opened.boot()
@@ -39,16 +29,14 @@ def test_opening_sends_nothing_and_booting_starts_the_nodes_last(
         assert [f for f in later if f[2][0] & 0xE0 == 0x20] == []
 
 
-def test_a_node_that_is_missing_is_named_and_no_other_is_started(
-    opened: Stage, scripted: Any
-) -> None:
+def test_a_node_that_is_missing_is_named_and_no_other_is_started(opened, scripted):
     scripted.drives[1].silent = True
     with opened, pytest.raises(NodeError, match=r"^axis y: .*node 2"):
         opened.boot()
     assert 1 not in [command for command, _ in nmt(scripted)]
 
 
-def test_a_drive_that_cannot_be_configured_is_not_started(opened: Stage, scripted: Any) -> None:
+def test_a_drive_that_cannot_be_configured_is_not_started(opened, scripted):
     scripted.drives[0].objects[0x6072, 0] = 9999
     scripted.drives[0].stuck.add((0x6072, 0))
     with opened, pytest.raises(ConfigurationError, match=r"^axis x: 0x6072:00 "):
@@ -56,14 +44,12 @@ def test_a_drive_that_cannot_be_configured_is_not_started(opened: Stage, scripte
     assert 1 not in [command for command, _ in nmt(scripted)]
 
 
-def test_two_devices_with_one_id_are_refused_after_several_attempts(
-    opened: Stage, scripted: Any
-) -> None:
+def test_two_devices_with_one_id_are_refused_after_several_attempts(opened, scripted):
     """Each SDO of node 1 is answered twice."""
     drive = scripted.drives[0]
     answer = drive.answer_sdo
 
-    def twice(data: bytes) -> None:
+    def twice(data):
         answer(data)
         answer(data)
 
@@ -73,7 +59,7 @@ def test_two_devices_with_one_id_are_refused_after_several_attempts(
     assert drive.nmt != 5
 
 
-def test_a_second_boot_resets_and_configures_again(opened: Stage, scripted: Any) -> None:
+def test_a_second_boot_resets_and_configures_again(opened, scripted):
     with opened:
         opened.boot()
         scripted.drives[0].objects[0x6065, 0] = 5

@@ -1,9 +1,6 @@
 """Objects by index: none twice, and each CiA 402 one is what the virtual drive's EDS calls it."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import canopen
 
@@ -13,21 +10,21 @@ from drivers.objects import ObjectRef
 OBJECTS = [value for value in vars(od).values() if isinstance(value, ObjectRef)]
 
 
-def test_an_object_is_shown_with_index_subindex_and_name() -> None:
+def test_an_object_is_shown_with_index_subindex_and_name():
     assert str(od.FEED) == "0x6092:01 feed"
     assert str(ObjectRef(0x2001, 16, "")) == "0x2001:10"
 
 
-def test_no_entry_stands_twice() -> None:
+def test_no_entry_stands_twice():
     places = [(o.index, o.sub) for o in OBJECTS]
     assert len(places) == len(set(places)) > 60
 
 
-def test_names_are_those_of_the_eds(eds: Path) -> None:
+def test_names_are_those_of_the_eds(eds):
     """A name shares a word with the EDS, so that no constant has its neighbour's index."""
     dictionary = canopen.import_od(str(eds), 1)
 
-    def words(text: str) -> set[str]:
+    def words(text):
         return set(re.findall(r"[a-z]{3,}", text.lower()))
 
     shared = 0

@@ -1,14 +1,11 @@
 """Settings that cannot be are refused by name."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import Any
 
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
+from drivers.settings import BusSettings, RealTimeSettings
 
 
 @pytest.mark.parametrize(
@@ -24,20 +21,18 @@ from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
         ({"homing_velocity": (0.01, 0.0)}, "homing_velocity"),
     ],
 )
-def test_impossible_axis_settings_are_named(
-    axis_settings: tuple[AxisSettings, ...], change: dict[str, Any], text: str
-) -> None:
+def test_impossible_axis_settings_are_named(axis_settings, change, text):
     with pytest.raises(ConfigurationError, match=f"^axis x: {text}"):
         dataclasses.replace(axis_settings[0], **change)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, float("inf"), 1.5e-6, 1e-7])
-def test_impossible_periods_are_named(period: float) -> None:
+def test_impossible_periods_are_named(period):
     with pytest.raises(ConfigurationError, match="sync_period"):
         BusSettings("virtual", "0", sync_period=period)
 
 
-def test_the_period_is_exact() -> None:
+def test_the_period_is_exact():
     assert BusSettings("virtual", "0", sync_period=0.001).period_ns == 1_000_000
     assert BusSettings("virtual", "0", sync_period=0.0025).period_us == 2500
 

@@ -1,23 +1,19 @@
 """The stage as a whole on a scripted bus: a fault of one axis stops all, and is named."""
 
-from __future__ import annotations
-
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers.drive import State
 from drivers.errors import AxisFault, BusError, ConfigurationError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from tests.unit.drivers.conftest import power_is_off, rest
 
 X, Y = 0, 1
 
 
-def test_too_many_missed_tpdos_stop_all_axes(stage: Stage, scripted: Any) -> None:
+def test_too_many_missed_tpdos_stop_all_axes(stage, scripted):
     stage.enable()
     scripted.drives[Y].mute_tpdo = 1_000_000
     with pytest.raises(
@@ -28,22 +24,22 @@ def test_too_many_missed_tpdos_stop_all_axes(stage: Stage, scripted: Any) -> Non
     assert power_is_off(scripted)
 
 
-def _fault(drive: Any) -> None:
+def _fault(drive):
     drive.state = State.FAULT
     drive.objects[0x603F, 0] = 0x8611
     drive.emergency(0x8611)
 
 
-def _fault_without_emergency(drive: Any) -> None:
+def _fault_without_emergency(drive):
     drive.state = State.FAULT
     drive.objects[0x603F, 0] = 0x7305
 
 
-def _reboot(drive: Any) -> None:
+def _reboot(drive):
     drive.emit(0x701, b"\0")
 
 
-def _preoperational(drive: Any) -> None:
+def _preoperational(drive):
     drive.emit(0x701, b"\x7f")
 
 
@@ -62,12 +58,10 @@ def _preoperational(drive: Any) -> None:
         (_preoperational, r"^axis x: NMT state is PRE-OPERATIONAL, not OPERATIONAL", None),
     ],
 )
-def test_a_fault_of_one_axis_stops_both_and_is_named(
-    stage: Stage, scripted: Any, event: Any, text: str, code: int | None
-) -> None:
+def test_a_fault_of_one_axis_stops_both_and_is_named(stage, scripted, event, text, code):
     stage.enable()
     start = scripted.drives[X].syncs
-    seen: list[Any] = []
+    seen = []
     stage.sink = seen.append
     scripted.drives[X].on_sync = lambda d, n: event(d) if n == start + 10 else None
     with pytest.raises(AxisFault, match=text) as caught:
@@ -78,7 +72,7 @@ def test_a_fault_of_one_axis_stops_both_and_is_named(
     assert scripted.drives[Y].state is not State.OPERATION_ENABLED
 
 
-def test_a_lost_heartbeat_stops_all_axes(stage: Stage, scripted: Any) -> None:
+def test_a_lost_heartbeat_stops_all_axes(stage, scripted):
     stage.enable()
     scripted.drives[X].objects[0x1017, 0] = 0
     with pytest.raises(AxisFault, match=r"^axis x: heartbeat lost: node 1 silent for 0\.3"):
@@ -86,10 +80,10 @@ def test_a_lost_heartbeat_stops_all_axes(stage: Stage, scripted: Any) -> None:
     assert power_is_off(scripted)
 
 
-def test_a_bus_error_is_named_and_close_survives_it(stage: Stage, scripted: Any) -> None:
+def test_a_bus_error_is_named_and_close_survives_it(stage, scripted):
     stage.enable()
 
-    def snap(drive: Any, count: int) -> None:
+    def snap(drive, count):
         scripted.broken = "transmit buffer full"
 
     scripted.drives[X].on_sync = snap
@@ -98,7 +92,7 @@ def test_a_bus_error_is_named_and_close_survives_it(stage: Stage, scripted: Any)
     stage.close()
 
 
-def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage: Stage, scripted: Any) -> None:
+def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage, scripted):
     drive = scripted.drives[Y]
     drive.state = State.FAULT
     drive.objects[0x603F, 0] = 0x3210
@@ -109,9 +103,7 @@ def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage: Stage, scri
     assert stage.enabled
 
 
-def test_disable_ramps_the_force_offset_to_zero_before_power_off(
-    stage: Stage, scripted: Any
-) -> None:
+def test_disable_ramps_the_force_offset_to_zero_before_power_off(stage, scripted):
     stage.enable()
     position, offset = rest(stage, 3)
     offset[:] = 4.0
@@ -126,7 +118,7 @@ def test_disable_ramps_the_force_offset_to_zero_before_power_off(
     assert not stage.enabled
 
 
-def test_enable_does_not_rely_on_an_old_statusword(stage: Stage, scripted: Any) -> None:
+def test_enable_does_not_rely_on_an_old_statusword(stage, scripted):
     stage.enable()
     scripted.drives[X].state = State.SWITCH_ON_DISABLED
     stage.enable()
@@ -134,9 +126,7 @@ def test_enable_does_not_rely_on_an_old_statusword(stage: Stage, scripted: Any) 
     assert scripted.drives[X].state is State.OPERATION_ENABLED
 
 
-def test_a_drive_that_shows_0x0000_until_the_first_controlword_is_enabled(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_drive_that_shows_0x0000_until_the_first_controlword_is_enabled(stage, scripted):
     drive = scripted.drives[X]
     drive.state = State.NOT_READY_TO_SWITCH_ON
 
@@ -146,12 +136,10 @@ def test_a_drive_that_shows_0x0000_until_the_first_controlword_is_enabled(
 
 
 @pytest.mark.parametrize("problem", [KeyboardInterrupt, RuntimeError])
-def test_an_exception_in_the_application_stops_the_axes(
-    stage: Stage, scripted: Any, problem: type[BaseException]
-) -> None:
+def test_an_exception_in_the_application_stops_the_axes(stage, scripted, problem):
     stage.enable()
 
-    def until(position: tuple[float, ...]) -> bool:
+    def until(position):
         raise problem
 
     with pytest.raises(problem):
@@ -160,14 +148,12 @@ def test_an_exception_in_the_application_stops_the_axes(
     assert not stage.enabled
 
 
-def test_two_axes_on_one_node_are_refused(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_two_axes_on_one_node_are_refused(scripted, bus_settings, axis_settings):
     with pytest.raises(ConfigurationError, match=r"axis x: node 1 already is axis x"):
         Stage.open(bus_settings, (axis_settings[0], axis_settings[0]), bus_object=scripted)
 
 
-def test_a_second_boot_configures_everything_again(stage: Stage, scripted: Any) -> None:
+def test_a_second_boot_configures_everything_again(stage, scripted):
     stage.enable()
     stage.boot()
     assert not stage.enabled

@@ -1,22 +1,16 @@
 """The host's end of the bus: pumping, heartbeat, tap, errors."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
-
 import can
 import pytest
 
 from drivers.canopen import Network, open_bus
 from drivers.errors import BusError
 from drivers.settings import BusSettings
-from drivers.stage import Stage
 from tests.multicast import require_multicast
 
 
 @pytest.fixture
-def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+def pair():
     """Two ends of one of python-can's own virtual buses."""
     with (
         can.Bus(interface="virtual", channel="test_bus") as a,
@@ -25,9 +19,9 @@ def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
         yield a, b
 
 
-def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair: Any) -> None:
+def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair):
     network = Network(pair[0], "virtual:test_bus")
-    got: list[bytes] = []
+    got = []
     network.subscribe(0x123, lambda i, data, t: got.append(bytes(data)))
     for value in range(3):
         pair[1].send(can.Message(arbitration_id=0x123, is_extended_id=False, data=[value]))
@@ -37,7 +31,7 @@ def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair: Any) -> N
     assert got == [b"\0", b"\1", b"\2"]
 
 
-def test_heartbeats_are_sent_while_pumping_without_a_burst_after_a_pause(scripted: Any) -> None:
+def test_heartbeats_are_sent_while_pumping_without_a_burst_after_a_pause(scripted):
     network = Network(scripted, "scripted")
     network.pump(1.0)
     beats = [t for t, i, data in scripted.sent if (i, data) == (0x77F, b"\x05")]
@@ -47,8 +41,8 @@ def test_heartbeats_are_sent_while_pumping_without_a_burst_after_a_pause(scripte
     assert 1 <= len([i for _, i, _ in scripted.sent if i == 0x77F]) - len(beats) <= 4
 
 
-def test_the_tap_sees_both_directions(pair: Any) -> None:
-    seen: list[tuple[int, bytes]] = []
+def test_the_tap_sees_both_directions(pair):
+    seen = []
     network = Network(pair[0], "virtual", tap=lambda t, i, data: seen.append((i, data)))
     network.send_message(0x601, b"\x40")
     pair[1].send(can.Message(arbitration_id=0x581, is_extended_id=False, data=b"\x60"))
@@ -56,7 +50,7 @@ def test_the_tap_sees_both_directions(pair: Any) -> None:
     assert [s for s in seen if s[0] != 0x77F] == [(0x601, b"\x40"), (0x581, b"\x60")]
 
 
-def test_malformed_and_foreign_frames_are_ignored(scripted: Any, stage: Stage) -> None:
+def test_malformed_and_foreign_frames_are_ignored(scripted, stage):
     for can_id, data, extended in (
         (0x081, b"\x01", False), (0x701, b"", False), (0x701, b"\0\0", False),
         (0x581, b"\x80", False), (0x1FFFFFFF, bytes(8), True), (0x181, b"\1", False),
@@ -70,14 +64,14 @@ def test_malformed_and_foreign_frames_are_ignored(scripted: Any, stage: Stage) -
 
 
 @pytest.mark.parametrize("interface", ["no_such_interface", "socketcan"])
-def test_a_bus_that_cannot_be_opened_is_named(interface: str) -> None:
+def test_a_bus_that_cannot_be_opened_is_named(interface):
     with pytest.raises(BusError, match=rf"^bus {interface}:nowhere: cannot open: \S") as caught:
         open_bus(BusSettings(interface, "nowhere"))
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.real_time
-def test_frames_of_another_multicast_group_are_not_received() -> None:
+def test_frames_of_another_multicast_group_are_not_received():
     ours, theirs = "239.74.163.81", "239.74.163.82"
     require_multicast(ours)
     with (

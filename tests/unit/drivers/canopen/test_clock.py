@@ -1,11 +1,7 @@
 """The clock of a bus, and arrival times from its time stamps."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any
 
 import can
 import pytest
@@ -14,7 +10,7 @@ from drivers.canopen import Clock, MonotonicClock, stamps_of
 from drivers.canopen.clock import clock_of
 
 
-def test_a_bus_without_a_clock_gets_the_monotonic_clock(pair: Any) -> None:
+def test_a_bus_without_a_clock_gets_the_monotonic_clock(pair):
     clock = clock_of(pair[0])
     assert isinstance(clock, MonotonicClock)
     start = time.monotonic_ns()
@@ -23,13 +19,13 @@ def test_a_bus_without_a_clock_gets_the_monotonic_clock(pair: Any) -> None:
     clock.sleep_until_ns(start)  # past: at once
 
 
-def test_a_bus_with_a_clock_provides_it(scripted: Any) -> None:
+def test_a_bus_with_a_clock_provides_it(scripted):
     assert isinstance(scripted.clock, Clock)
     assert clock_of(scripted) is scripted.clock
 
 
 @pytest.fixture
-def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+def pair():
     """Two ends of one of python-can's own virtual buses."""
     with (
         can.Bus(interface="virtual", channel="test_bus") as a,

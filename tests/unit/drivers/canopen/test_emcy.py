@@ -1,7 +1,5 @@
 """Texts of error codes and of the error register."""
 
-from __future__ import annotations
-
 import pytest
 
 from drivers.canopen import error_text, register_text
@@ -20,16 +18,16 @@ from drivers.canopen.emcy import ERROR_TEXTS
         (0xA000, "unknown error (0xA000)"),
     ],
 )
-def test_error_texts(code: int, text: str) -> None:
+def test_error_texts(code, text):
     assert error_text(code) == text
 
 
-def test_every_code_has_one_line() -> None:
+def test_every_code_has_one_line():
     for code in range(0, 0x10000, 7):
         assert "\n" not in error_text(code)
     assert all(ERROR_TEXTS.values())
 
 
-def test_register_text() -> None:
+def test_register_text():
     assert register_text(0x21) == "generic, device profile"
     assert register_text(0) == "none"

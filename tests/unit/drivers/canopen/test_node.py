@@ -1,21 +1,14 @@
 """Boot-up and identity of a node."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 X, Y = 0, 1
 
 
-def test_a_missing_node_is_named(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_missing_node_is_named(scripted, bus_settings, axis_settings):
     scripted.drives[Y].silent = True
     with (
         Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
@@ -37,9 +30,8 @@ def test_a_missing_node_is_named(
     ],
 )
 def test_a_device_other_than_the_expected_one_is_refused(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...],
-    key: tuple[int, int], value: int, error: type[Exception], text: str,
-) -> None:  # fmt: skip
+    scripted, bus_settings, axis_settings, key, value, error, text
+):
     scripted.drives[X].objects[key] = value
     with (
         Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,

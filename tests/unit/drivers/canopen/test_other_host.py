@@ -1,25 +1,22 @@
 """Another host on the bus is detected, and our own frames coming back are not taken for it."""
 
-from __future__ import annotations
-
 import can
 import pytest
 
 from drivers.canopen.other_host import OtherHost, may_echo
 from drivers.errors import BusError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 MS = 1_000_000
 
 
-def frame(can_id: int, data: bytes = b"", is_rx: bool = True) -> can.Message:
+def frame(can_id, data=b"", is_rx=True):
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False, is_rx=is_rx)
 
 
-def test_without_echoes_every_host_frame_received_is_of_another_host() -> None:
+def test_without_echoes_every_host_frame_received_is_of_another_host():
     other = OtherHost(echoes=False)
-    found: list[str | None] = []
+    found = []
     other.on_found = lambda: found.append(other.found)
     other.has_sent(frame(0x77F, b"\x05", is_rx=False), 0)
     assert found == []
@@ -28,7 +25,7 @@ def test_without_echoes_every_host_frame_received_is_of_another_host() -> None:
     assert found == ["a heartbeat of node 127 (0x77F)"]
 
 
-def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:
+def test_echoes_of_own_frames_are_own_however_late_or_often():
     other = OtherHost(echoes=True)
     other.ids.add(0x201)
     for k in range(50):  # read much later, with some lost on the way
@@ -50,9 +47,7 @@ def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:
         (0x080, b"", 60, "a SYNC (0x080)"),
     ],
 )
-def test_frames_that_were_never_sent_are_of_another_host(
-    can_id: int, data: bytes, at: int, said: str
-) -> None:
+def test_frames_that_were_never_sent_are_of_another_host(can_id, data, at, said):
     other = OtherHost(echoes=True)
     other.ids.add(0x201)
     for own in (frame(0x201, b"\x0f\x00"), frame(0x080), frame(0x77F, b"\x05"), frame(0, b"\1\1")):
@@ -62,17 +57,15 @@ def test_frames_that_were_never_sent_are_of_another_host(
     assert other.found == said
 
 
-def test_a_sync_sent_by_the_kernel_is_our_own() -> None:
+def test_a_sync_sent_by_the_kernel_is_our_own():
     other = OtherHost(echoes=True)
     other.sent_elsewhere.add(0x080)
     other.has_sent(frame(0x080), 0)
     assert other.found is None
 
 
-def test_another_host_is_detected_before_anything_is_sent(
-    bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
-    seen: list[int] = []
+def test_another_host_is_detected_before_anything_is_sent(bus_settings, axis_settings):
+    seen = []
     with (
         can.Bus(interface="virtual", channel="two-hosts") as ours,
         can.Bus(interface="virtual", channel="two-hosts") as theirs,

@@ -1,7 +1,5 @@
 """PDO codecs round trip; mappings are configured by the book."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
@@ -21,14 +19,14 @@ INTEGERS = {
 }  # fmt: skip
 
 
-def ref(number: int) -> ObjectRef:
+def ref(number):
     return ObjectRef(0x6000 + number, number % 3, "something")
 
 
 @st.composite
-def mapping_and_values(draw: st.DrawFn) -> tuple[PdoMapping, list[int]]:
-    entries: list[MappedObject] = []
-    values: list[int] = []
+def mapping_and_values(draw):
+    entries = []
+    values = []
     left = 64
     while left >= 8 and (not entries or draw(st.booleans())):
         kind = draw(st.sampled_from([k for k, (bits, _, _) in INTEGERS.items() if bits <= left]))
@@ -40,7 +38,7 @@ def mapping_and_values(draw: st.DrawFn) -> tuple[PdoMapping, list[int]]:
 
 
 @given(mapping_and_values())
-def test_every_mapping_round_trips(case: tuple[PdoMapping, list[int]]) -> None:
+def test_every_mapping_round_trips(case):
     mapping, values = case
     data = mapping.codec.pack(*values)
     assert len(data) * 8 == sum(e.bits for e in mapping.entries)
@@ -48,9 +46,7 @@ def test_every_mapping_round_trips(case: tuple[PdoMapping, list[int]]) -> None:
 
 
 @given(mapping_and_values())
-def test_values_lie_little_endian_one_after_the_other(
-    case: tuple[PdoMapping, list[int]],
-) -> None:
+def test_values_lie_little_endian_one_after_the_other(case):
     mapping, values = case
     whole = int.from_bytes(mapping.codec.pack(*values), "little")
     for entry, value in zip(mapping.entries, values, strict=True):
@@ -60,23 +56,23 @@ def test_values_lie_little_endian_one_after_the_other(
 
 
 @given(st.floats(width=32, allow_nan=False))
-def test_real32_round_trips(value: float) -> None:
+def test_real32_round_trips(value):
     mapping = PdoMapping((MappedObject(ref(0), 0x08),))
     assert mapping.codec.unpack(mapping.codec.pack(value)) == (value,)
 
 
-def test_mapping_entries_are_index_sub_bits() -> None:
+def test_mapping_entries_are_index_sub_bits():
     assert MappedObject(ObjectRef(0x607A, 0, ""), 0x04).entry == 0x607A0020
     assert MappedObject(ObjectRef(0x2001, 5, ""), 0x05).entry == 0x20010508
 
 
 @pytest.mark.parametrize("kind", [0x01, 0x09, 0x10, 0x16, 0x0F])  # boolean, string, 24 bit, domain
-def test_types_without_a_codec_are_refused_by_name(kind: int) -> None:
+def test_types_without_a_codec_are_refused_by_name(kind):
     with pytest.raises(ConfigurationError, match=r"0x6003:00 something: data type 0x00"):
         MappedObject(ref(3), kind)
 
 
-def test_more_than_64_bits_are_refused() -> None:
+def test_more_than_64_bits_are_refused():
     with pytest.raises(ConfigurationError, match="72"):
         PdoMapping((MappedObject(ref(0), 0x1B), MappedObject(ref(1), 0x05)))
 
@@ -86,16 +82,16 @@ class StrictNode:
 
     name = "x"
 
-    def __init__(self, cob: int) -> None:
+    def __init__(self, cob):
         self.held = {(0x1800, 1): cob, (0x1800, 2): 254, (0x1A00, 0): 2}
 
-    def offers(self, obj: ObjectRef) -> bool:
+    def offers(self, obj):
         return obj.index in (0x1800, 0x1A00)
 
-    def read(self, obj: ObjectRef) -> int:
+    def read(self, obj):
         return self.held[obj.index, obj.sub]
 
-    def write(self, obj: ObjectRef, value: int) -> None:
+    def write(self, obj, value):
         invalid = self.held[0x1800, 1] >> 31
         if obj.index == 0x1A00:
             assert invalid, "mapping changed while the PDO is valid"
@@ -113,7 +109,7 @@ class StrictNode:
 
 
 @pytest.mark.parametrize("cob", [0x181, 0xC0000000 | 0x181, 0x40000000 | 0x281, 0x80000000])
-def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(cob: int) -> None:
+def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(cob):
     node = StrictNode(cob)
     mapping = PdoMapping((MappedObject(ObjectRef(0x6041, 0, ""), 0x06),))
     PdoRecord.transmit(1).configure(node, 0x181, mapping)
@@ -126,7 +122,7 @@ def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(c
     PdoRecord.transmit(7).disable(node)  # not offered: nothing to do
 
 
-def test_the_rpdo_of_the_stage_is_laid_out_as_documented() -> None:
+def test_the_rpdo_of_the_stage_is_laid_out_as_documented():
     kinds = ((0x6040, 0x06), (0x607A, 0x04), (0x60B2, 0x03))
     mapping = PdoMapping(tuple(MappedObject(ObjectRef(i, 0, ""), t) for i, t in kinds))
     assert mapping.codec.pack(0x0F, -150_000_000, -25) == struct.pack(

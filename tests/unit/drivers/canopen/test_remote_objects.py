@@ -1,24 +1,17 @@
 """Objects of a node by SDO: EDS files, values that do not stay written, aborts."""
 
-from __future__ import annotations
-
 import dataclasses
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from drivers.canopen import load_dictionary
 from drivers.errors import ConfigurationError, NodeError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 X, Y = 0, 1
 
 
-def test_an_unusable_eds_is_named_with_the_reason(
-    tmp_path: Path, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_an_unusable_eds_is_named_with_the_reason(tmp_path, axis_settings):
 
     missing = dataclasses.replace(axis_settings[0], eds=tmp_path / "none.eds")
     with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*none.eds: no such file"):
@@ -30,9 +23,7 @@ def test_an_unusable_eds_is_named_with_the_reason(
             load_dictionary(dataclasses.replace(axis_settings[0], eds=broken))
 
 
-def test_a_value_that_reads_back_differently_is_an_error(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_value_that_reads_back_differently_is_an_error(scripted, bus_settings, axis_settings):
     scripted.drives[Y].stuck.add((0x6065, 0))
     with (
         Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
@@ -44,9 +35,7 @@ def test_a_value_that_reads_back_differently_is_an_error(
         stage.boot()
 
 
-def test_an_sdo_abort_names_object_value_and_reason(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_an_sdo_abort_names_object_value_and_reason(scripted, bus_settings, axis_settings):
     scripted.drives[X].refuse_write[0x6072, 0] = 0x06090031
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         with pytest.raises(NodeError) as caught:
@@ -58,9 +47,7 @@ def test_an_sdo_abort_names_object_value_and_reason(
         )
 
 
-def test_an_optional_object_that_the_drive_lacks_is_skipped(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_an_optional_object_that_the_drive_lacks_is_skipped(scripted, bus_settings, axis_settings):
     scripted.drives[X].refuse[0x6007, 0] = 0x06020000
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         stage.boot()

@@ -1,11 +1,8 @@
 """The SDO client protocol, frame by frame."""
 
-from __future__ import annotations
-
 import struct
 from binascii import crc_hqx
 from random import Random
-from typing import Any
 
 import pytest
 from canopen import SdoAbortedError
@@ -15,13 +12,13 @@ from hypothesis import strategies as st
 from drivers.canopen import sdo
 
 
-def head(command: int, index: int = 0x2000, sub: int = 1) -> bytes:
+def head(command, index=0x2000, sub=1):
     return struct.pack("<BHB", command, index, sub)
 
 
-def answers(transfer: sdo.Transfer, *frames: bytes) -> tuple[list[Any], bytes | None]:
+def answers(transfer, *frames):
     """What the client sent after each answer, and what it returned."""
-    sent: list[Any] = [next(transfer)]
+    sent = [next(transfer)]
     for frame in frames:
         try:
             sent.append(transfer.send(frame.ljust(8, b"\0")))
@@ -30,7 +27,7 @@ def answers(transfer: sdo.Transfer, *frames: bytes) -> tuple[list[Any], bytes | 
     return sent, None
 
 
-def test_expedited_both_ways() -> None:
+def test_expedited_both_ways():
     sent, value = answers(sdo.upload(0x2000, 1), head(0x4B) + b"\x34\x12")
     assert sent == [(head(0x40) + bytes(4),)]
     assert value == b"\x34\x12"
@@ -39,7 +36,7 @@ def test_expedited_both_ways() -> None:
     assert value == b""
 
 
-def test_answers_to_other_requests_are_ignored() -> None:
+def test_answers_to_other_requests_are_ignored():
     sent, value = answers(
         sdo.upload(0x2000, 1),
         head(0x4F, 0x2000, 2) + b"\x99",  # another sub-index
@@ -52,7 +49,7 @@ def test_answers_to_other_requests_are_ignored() -> None:
     assert value == b"\x07"
 
 
-def test_a_repeated_segment_is_ignored() -> None:
+def test_a_repeated_segment_is_ignored():
     sent, value = answers(
         sdo.upload(0x2000, 1),
         head(0x41) + struct.pack("<I", 9),
@@ -64,13 +61,13 @@ def test_a_repeated_segment_is_ignored() -> None:
     assert sent[3] is None
 
 
-def test_an_upload_longer_than_announced_is_an_error() -> None:
+def test_an_upload_longer_than_announced_is_an_error():
     with pytest.raises(SdoAbortedError):
         answers(sdo.upload(0x2000, 1), head(0x41) + struct.pack("<I", 3), b"\x01abcdefg")
 
 
 @given(st.integers(0, 300), st.integers(1, 127), st.integers(0, 1000))
-def test_block_download_survives_lost_segments(length: int, size: int, seed: int) -> None:
+def test_block_download_survives_lost_segments(length, size, seed):
     draws = Random(seed)  # noqa: S311
     data = bytes(i * 7 & 0xFF for i in range(length))
     transfer = sdo.block_download(0x2000, 1, data)
@@ -94,7 +91,7 @@ def test_block_download_survives_lost_segments(length: int, size: int, seed: int
         transfer.send(bytes((0xA1,)) + bytes(7))
 
 
-def test_block_upload_asks_again_from_the_last_good_segment() -> None:
+def test_block_upload_asks_again_from_the_last_good_segment():
     data = bytes(range(20))
     crc = struct.pack("<H", crc_hqx(data, 0))
     sent, value = answers(
@@ -112,6 +109,6 @@ def test_block_upload_asks_again_from_the_last_good_segment() -> None:
     assert value == data
 
 
-def test_block_upload_with_a_wrong_checksum_is_refused() -> None:
+def test_block_upload_with_a_wrong_checksum_is_refused():
     with pytest.raises(SdoAbortedError, match="05040004"):
         answers(sdo.block_upload(0x2000, 1), head(0xC6), b"\x81abcdefg", b"\xc1\x01\x02")

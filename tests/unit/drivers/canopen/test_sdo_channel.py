@@ -1,11 +1,7 @@
 """SDO transfers on buses that lose and delay answers, and from several threads."""
 
-from __future__ import annotations
-
 import struct
 import threading
-from collections.abc import Callable
-from typing import Any
 
 import can
 import pytest
@@ -14,19 +10,18 @@ from canopen import SdoCommunicationError
 from drivers.canopen import Network, SdoChannel
 from drivers.errors import DriverError
 from drivers.objects import ObjectRef
-from drivers.stage import Stage
 
 
 class Peer:
     """An SDO server that may hold its answers back; values count the reads."""
 
-    def __init__(self, scripted: Any) -> None:
+    def __init__(self, scripted):
         self.scripted = scripted
-        self.reads: list[tuple[int, int]] = []
-        self.late: list[bytes] = []
-        self.hold: Callable[[int], bool] = lambda n: False
+        self.reads = []
+        self.late = []
+        self.hold = lambda n: False
 
-    def on_frame(self, can_id: int, data: bytes) -> None:
+    def on_frame(self, can_id, data):
         if can_id != 0x605 or data[0] != 0x40:
             return
         _, index, sub = struct.unpack_from("<BHB", data)
@@ -41,15 +36,15 @@ class Peer:
 
 
 @pytest.fixture
-def peer(scripted: Any) -> Peer:
+def peer(scripted):
     found = Peer(scripted)
     scripted.drives.append(found)
-    found.next_beat = 1 << 62  # type: ignore[attr-defined]
-    found.tick = lambda now: None  # type: ignore[attr-defined]
+    found.next_beat = 1 << 62
+    found.tick = lambda now: None
     return found
 
 
-def test_a_late_answer_is_never_taken_for_the_next_one(scripted: Any, peer: Peer) -> None:
+def test_a_late_answer_is_never_taken_for_the_next_one(scripted, peer):
     channel = SdoChannel(Network(scripted, "scripted"), 5)
     peer.hold = lambda n: n == 1
     with pytest.raises(SdoCommunicationError):
@@ -60,7 +55,7 @@ def test_a_late_answer_is_never_taken_for_the_next_one(scripted: Any, peer: Peer
     assert channel.upload(0x6064, 0) == struct.pack("<I", 4)
 
 
-def test_a_late_answer_to_the_fence_is_not_taken_either(scripted: Any, peer: Peer) -> None:
+def test_a_late_answer_to_the_fence_is_not_taken_either(scripted, peer):
     channel = SdoChannel(Network(scripted, "scripted"), 5)
     peer.hold = lambda n: n <= 2
     for _ in range(2):
@@ -70,7 +65,7 @@ def test_a_late_answer_to_the_fence_is_not_taken_either(scripted: Any, peer: Pee
     assert len(set(peer.reads[:3])) == 3
 
 
-def test_a_missing_node_costs_one_timeout_per_access(scripted: Any) -> None:
+def test_a_missing_node_costs_one_timeout_per_access(scripted):
     channel = SdoChannel(Network(scripted, "scripted"), 9, timeout=0.2)
     for _ in range(3):
         start = scripted.clock.now
@@ -79,12 +74,12 @@ def test_a_missing_node_costs_one_timeout_per_access(scripted: Any) -> None:
         assert 0.2e9 <= scripted.clock.now - start <= 0.21e9
 
 
-def test_an_access_in_a_callback_is_refused_at_once(scripted: Any) -> None:
+def test_an_access_in_a_callback_is_refused_at_once(scripted):
     network = Network(scripted, "scripted")
     channel = SdoChannel(network, 1)
-    caught: list[Exception] = []
+    caught = []
 
-    def callback(*_: object) -> None:
+    def callback(*_):
         try:
             channel.upload(0x1000, 0)
         except DriverError as error:
@@ -96,7 +91,7 @@ def test_an_access_in_a_callback_is_refused_at_once(scripted: Any) -> None:
     assert "callback" in str(caught[0])
 
 
-def test_threads_share_a_channel_each_with_its_own_answers() -> None:
+def test_threads_share_a_channel_each_with_its_own_answers():
     """Four threads read and write one node of a bus in real time; every answer is the right one."""
     with (
         can.Bus(interface="virtual", channel="test_sdo") as ours,
@@ -104,7 +99,7 @@ def test_threads_share_a_channel_each_with_its_own_answers() -> None:
     ):
         stop = threading.Event()
 
-        def serve() -> None:
+        def serve():
             while not stop.is_set():
                 request = theirs.recv(0.01)
                 if request is not None and request.arbitration_id == 0x605:
@@ -115,9 +110,9 @@ def test_threads_share_a_channel_each_with_its_own_answers() -> None:
                     )
 
         channel = SdoChannel(Network(ours, "virtual"), 5, timeout=60.0)
-        wrong: list[object] = []
+        wrong = []
 
-        def read(start: int) -> None:
+        def read(start):
             for n in range(start, start + 100):
                 value = channel.upload(n, 7)
                 if value != struct.pack("<HBB", n, 7, 0):
@@ -135,9 +130,7 @@ def test_threads_share_a_channel_each_with_its_own_answers() -> None:
     assert wrong == []
 
 
-def test_another_thread_reads_during_a_stream_without_a_late_sync(
-    scripted: Any, stage: Stage
-) -> None:
+def test_another_thread_reads_during_a_stream_without_a_late_sync(scripted, stage):
     """The read is taken up by the streaming thread, between its SYNCs."""
     import numpy as np
 
@@ -145,14 +138,14 @@ def test_another_thread_reads_during_a_stream_without_a_late_sync(
     begun, done, got = threading.Event(), threading.Event(), []
     node = stage.axes[0].node
 
-    def read() -> None:
+    def read():
         begun.set()
         got.append(node.read(ObjectRef(0x1018, 2, "product code")))
         done.set()
 
     reader = threading.Thread(target=read)
 
-    def until(_: object) -> bool:
+    def until(_):
         if not begun.is_set():
             reader.start()
             begun.wait(100)

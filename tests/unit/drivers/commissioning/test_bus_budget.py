@@ -1,7 +1,5 @@
 """Bits of frames and cycles, against figures worked out by hand."""
 
-from __future__ import annotations
-
 import pytest
 
 from drivers.commissioning import stage_budget
@@ -9,11 +7,11 @@ from drivers.commissioning.bus_budget import least_bits, worst_bits
 
 
 @pytest.mark.parametrize(("size", "least", "worst"), [(0, 47, 55), (1, 55, 65), (8, 111, 135)])
-def test_bits_of_a_frame(size: int, least: int, worst: int) -> None:
+def test_bits_of_a_frame(size, least, worst):
     assert (least_bits(size), worst_bits(size)) == (least, worst)
 
 
-def test_a_frame_of_nine_bytes_is_refused() -> None:
+def test_a_frame_of_nine_bytes_is_refused():
     with pytest.raises(ValueError, match="not 9"):
         stage_budget(("x",), (9,), (), 1e-3, 1_000_000)
 
@@ -22,15 +20,13 @@ def test_a_frame_of_nine_bytes_is_refused() -> None:
     ("rpdos", "tpdos", "worst", "least"),
     [((), (8, 8), 595, 491), ((8,), (8, 8), 865, 713), ((4,), (6, 6), 705, 585)],
 )
-def test_the_budget_of_two_axes(
-    rpdos: tuple[int, ...], tpdos: tuple[int, ...], worst: int, least: int
-) -> None:
+def test_the_budget_of_two_axes(rpdos, tpdos, worst, least):
     budget = stage_budget(("x", "y"), rpdos, tpdos, 1e-3, 1_000_000)
     assert (budget.worst, budget.least, budget.available) == (worst, least, 1000)
     assert budget.peak == worst + 3 * 65
 
 
-def test_the_bus_time_left_for_sdo() -> None:
+def test_the_bus_time_left_for_sdo():
     full = stage_budget(("x", "y"), (8,), (8, 8), 1e-3, 1_000_000)
     assert not full.fits  # 865 + 3 heartbeats of 65
     assert full.sdo_pairs == 0
@@ -41,7 +37,7 @@ def test_the_bus_time_left_for_sdo() -> None:
     assert slower.sdo_per_second == pytest.approx((1e6 - 865 * 250 - 3 * 65 * 10) / 270)
 
 
-def test_the_sync_counter_costs_a_byte() -> None:
+def test_the_sync_counter_costs_a_byte():
     plain = stage_budget(("x",), (8,), (8,), 1e-3, 1_000_000)
     counted = stage_budget(("x",), (8,), (8,), 1e-3, 1_000_000, sync_bytes=1)
     assert counted.worst - plain.worst == 10

@@ -1,7 +1,5 @@
 """Frames in words, with what the PDOs hold: by the EDS, as read, and as heard."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

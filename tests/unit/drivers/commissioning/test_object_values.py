@@ -1,7 +1,5 @@
 """Values of objects: typed by the EDS on the way in, in words or SI units on the way out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import canopen

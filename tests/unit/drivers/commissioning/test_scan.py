@@ -1,15 +1,12 @@
 """Nodes are found by listening and by asking, and two devices with one id are noticed."""
 
-from __future__ import annotations
-
 from drivers.commissioning import scan
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import stage_settings
 from tests.unit.drivers.commissioning.conftest import network, world_of
 
 
-def test_scan_listens_and_asks(machine: Machine) -> None:
+def test_scan_listens_and_asks(machine):
     with network(machine) as (bus, stage):
         for drive in stage.drives:
             drive.dictionary.set_data(0x1017, 0, b"\x64\x00")
@@ -21,9 +18,9 @@ def test_scan_listens_and_asks(machine: Machine) -> None:
         assert scan(bus)[0].error_code == 0x7305
 
 
-def test_scan_asks_twice_who_is_expected_and_does_not_answer(machine: Machine) -> None:
+def test_scan_asks_twice_who_is_expected_and_does_not_answer(machine):
     with network(machine) as (bus, _):
-        asked: list[int] = []
+        asked = []
         bus.tap = lambda t, can_id, data: asked.append(can_id)
         found = scan(bus, expected=(1, 2, 9))
         assert asked.count(0x609) == 2
@@ -31,7 +28,7 @@ def test_scan_asks_twice_who_is_expected_and_does_not_answer(machine: Machine) -
         assert [f.node for f in found] == [1, 2]
 
 
-def test_scan_finds_two_devices_with_one_id(machine: Machine) -> None:
+def test_scan_finds_two_devices_with_one_id(machine):
     with network(machine) as (bus, _):
         twin = stage_settings(machine)
         VirtualStage(twin, seed=2).attach(world_of(bus))
@@ -39,9 +36,9 @@ def test_scan_finds_two_devices_with_one_id(machine: Machine) -> None:
         assert all(f.doubled for f in scan(bus))
 
 
-def test_a_passive_scan_sends_nothing(machine: Machine) -> None:
+def test_a_passive_scan_sends_nothing(machine):
     with network(machine) as (bus, _):
-        sent: list[int] = []
+        sent = []
         bus.tap = lambda t, can_id, data: sent.append(can_id)
         scan(bus, ask=False)
     assert sent == []

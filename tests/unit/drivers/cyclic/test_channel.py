@@ -1,23 +1,19 @@
 """The account of an axis' TPDOs from SYNC to SYNC: missing, late, doubled, ambiguous."""
 
-from __future__ import annotations
-
 import struct
-from typing import Any
 
 import pytest
 
 from drivers.canopen import Network
 from drivers.cyclic import Channel
 from drivers.drive import Axis
-from drivers.settings import AxisSettings
 
 
-def tpdo(position: int) -> bytes:
+def tpdo(position):
     return struct.pack("<Hih", 0x0637, position, 5)
 
 
-def sync(channel: Channel, *frames: bytes) -> bool:
+def sync(channel, *frames):
     """One SYNC, answered by these frames; returns whether it brought a sample."""
     channel.close_cycle()
     channel.open_cycle()
@@ -30,25 +26,25 @@ def sync(channel: Channel, *frames: bytes) -> bool:
 
 
 @pytest.fixture
-def channel(scripted: Any, axis_settings: tuple[AxisSettings, ...]) -> Channel:
+def channel(scripted, axis_settings):
     return Channel(Axis(Network(scripted, "scripted"), axis_settings[0]))
 
 
-def test_a_tpdo_per_sync_is_the_sample(channel: Channel) -> None:
+def test_a_tpdo_per_sync_is_the_sample(channel):
     assert not channel.seen
     assert sync(channel, tpdo(7))
     assert (channel.statusword, channel.position, channel.force) == (0x0637, 7, 5)
     assert (channel.seen, channel.arrival, channel.missed) == (True, 1000, 0)
 
 
-def test_a_missing_tpdo_keeps_the_last_values(channel: Channel) -> None:
+def test_a_missing_tpdo_keeps_the_last_values(channel):
     sync(channel, tpdo(7))
     assert not sync(channel)
     assert not sync(channel)
     assert (channel.position, channel.arrival, channel.missed) == (7, -1, 2)
 
 
-def test_identical_tpdos_are_a_sample_and_counted_as_doubled(channel: Channel) -> None:
+def test_identical_tpdos_are_a_sample_and_counted_as_doubled(channel):
     for count in range(3):
         assert sync(channel, tpdo(7), tpdo(7))
         assert channel.doubled == count
@@ -58,7 +54,7 @@ def test_identical_tpdos_are_a_sample_and_counted_as_doubled(channel: Channel) -
     assert (channel.doubled, channel.previous_extra) == (0, 0)
 
 
-def test_contradicting_tpdos_are_no_sample_until_a_single_one_comes(channel: Channel) -> None:
+def test_contradicting_tpdos_are_no_sample_until_a_single_one_comes(channel):
     sync(channel, tpdo(7))
     assert not sync(channel, tpdo(7), tpdo(900))
     assert not sync(channel, tpdo(8), tpdo(8))  # which of the two devices is unknown
@@ -68,7 +64,7 @@ def test_contradicting_tpdos_are_no_sample_until_a_single_one_comes(channel: Cha
     assert channel.position == 10
 
 
-def test_a_late_tpdo_beside_the_present_one_is_not_doubled(channel: Channel) -> None:
+def test_a_late_tpdo_beside_the_present_one_is_not_doubled(channel):
     sync(channel, tpdo(7))
     sync(channel)  # its TPDO comes after the next SYNC
     channel.close_cycle()
@@ -81,7 +77,7 @@ def test_a_late_tpdo_beside_the_present_one_is_not_doubled(channel: Channel) -> 
     assert (channel.doubled, channel.ambiguous) == (0, False)
 
 
-def test_a_reset_starts_a_new_account(channel: Channel) -> None:
+def test_a_reset_starts_a_new_account(channel):
     for _ in range(3):
         sync(channel, tpdo(7), tpdo(900))
     channel.reset()
@@ -89,14 +85,14 @@ def test_a_reset_starts_a_new_account(channel: Channel) -> None:
     assert sync(channel, tpdo(8))
 
 
-def test_the_controlwords_sent_are_listed_without_repetitions(channel: Channel) -> None:
+def test_the_controlwords_sent_are_listed_without_repetitions(channel):
     for word in (6, 7, 7, 15, 15, 6, 7):
         channel.controlword = word
         channel.pack()
     assert list(channel.sent_controlwords) == [7, 15, 6, 7]
 
 
-def test_the_target_at_standstill_is_the_actual_position(channel: Channel) -> None:
+def test_the_target_at_standstill_is_the_actual_position(channel):
     sync(channel, tpdo(-42))
     channel.offset = 3
     channel.stand_still()

@@ -1,15 +1,9 @@
 """Offsets chosen from SYNC to SYNC: what the application is told, what is sent, what goes wrong."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 import pytest
 
 from drivers.errors import AxisFault
-from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
@@ -25,19 +19,17 @@ class Chooser:
         planned: of the stream [1/1000 rated].
     """
 
-    def __init__(self, chosen: Sequence[Any] = ()) -> None:
+    def __init__(self, chosen=()):
         self.chosen = list(chosen)
-        self.begun: list[tuple[list[int], bool]] = []
-        self.told: list[tuple[int, int, float, tuple[int, ...]]] = []
+        self.begun = []
+        self.told = []
         self.planned = np.zeros((0, 2))
 
-    def begin(
-        self, targets: Any, planned: np.ndarray, target: Sequence[int], continued: bool
-    ) -> None:
+    def begin(self, targets, planned, target, continued):
         self.begun.append((list(target), continued))
         self.planned = planned.copy()
 
-    def offsets(self, row: int, periods: int, doubt: float, channels: Sequence[Any]) -> list[int]:
+    def offsets(self, row, periods, doubt, channels):
         self.told.append((row, periods, doubt, tuple(c.position for c in channels)))
         if not self.chosen:
             return [0, 0]
@@ -45,7 +37,7 @@ class Chooser:
         return value if isinstance(value, list) else [value + 0, -value]
 
 
-def test_each_row_gets_its_offsets_after_the_sample_before_it(stage: Stage, scripted: Any) -> None:
+def test_each_row_gets_its_offsets_after_the_sample_before_it(stage, scripted):
     stage.enable()
     chooser = Chooser([1, 2, 3, 4])
     stage.correct_offsets(chooser)
@@ -63,7 +55,7 @@ def test_each_row_gets_its_offsets_after_the_sample_before_it(stage: Stage, scri
     assert seen[1:] == counts[:3]
 
 
-def test_streams_continue_until_something_else_was_sent(stage: Stage, scripted: Any) -> None:
+def test_streams_continue_until_something_else_was_sent(stage, scripted):
     stage.enable()
     chooser = Chooser()
     stage.correct_offsets(chooser)
@@ -77,12 +69,12 @@ def test_streams_continue_until_something_else_was_sent(stage: Stage, scripted: 
     assert {told[1] for told in chooser.told} == {1}
 
 
-def test_skipped_periods_are_told(stage: Stage, scripted: Any) -> None:
+def test_skipped_periods_are_told(stage, scripted):
     stage.enable()
     chooser = Chooser()
     stage.correct_offsets(chooser)
 
-    def slow(_: tuple[float, ...]) -> bool:
+    def slow(_):
         if len(chooser.told) == 3:
             scripted.clock.now += 3_700_000
         return False
@@ -95,9 +87,7 @@ def test_skipped_periods_are_told(stage: Stage, scripted: Any) -> None:
 @pytest.mark.parametrize(
     ("wrong", "why"), [("text", "TypeError"), (None, "TypeError"), ([1, 2, 3], "ValueError")]
 )
-def test_whatever_it_raises_the_last_correction_stays(
-    stage: Stage, scripted: Any, wrong: Any, why: str
-) -> None:
+def test_whatever_it_raises_the_last_correction_stays(stage, scripted, wrong, why):
     stage.enable()
     chooser = Chooser([5, 7, wrong, 100])
     stage.correct_offsets(chooser)
@@ -115,7 +105,7 @@ def test_whatever_it_raises_the_last_correction_stays(
     assert (stage.stream(*rest(stage, 2)).force_offset == 0.0).all()
 
 
-def test_a_fault_ends_the_stream_as_ever(stage: Stage, scripted: Any) -> None:
+def test_a_fault_ends_the_stream_as_ever(stage, scripted):
     stage.enable()
     chooser = Chooser()
     stage.correct_offsets(chooser)

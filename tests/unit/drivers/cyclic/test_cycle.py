@@ -1,24 +1,18 @@
 """Streams on a scripted bus: the frames sent, and the samples made of the answers."""
 
-from __future__ import annotations
-
 import itertools
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers.errors import AxisFault, LimitError
-from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
 
 
-def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(
-    stage: Stage, scripted: Any
-) -> None:
+def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(stage, scripted):
     scripted.drives[X].position, scripted.drives[Y].position = 5_000, -7_000
     stage.enable()
     assert stage.targets == pytest.approx((5e-6, -7e-6))
@@ -26,7 +20,7 @@ def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(
     position[:, X] += np.arange(4) * 1.4e-9
     offset[:, Y] = 0.1234
     scripted.drives[X].force, scripted.drives[Y].force = 25, -50
-    seen: list[tuple[int, ...]] = []
+    seen = []
     stage.sink = seen.append
     samples = stage.stream(position, offset)
     np.testing.assert_allclose(
@@ -64,12 +58,12 @@ def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(
     )
 
 
-def test_streams_continue_the_sync_grid_and_until_ends_one(stage: Stage, scripted: Any) -> None:
+def test_streams_continue_the_sync_grid_and_until_ends_one(stage, scripted):
     stage.enable()
     first = stage.stream(*rest(stage, 3))
-    counted: list[tuple[float, ...]] = []
+    counted = []
 
-    def until(position: tuple[float, ...]) -> bool:
+    def until(position):
         counted.append(position)
         return len(counted) == 2
 
@@ -88,9 +82,7 @@ def test_streams_continue_the_sync_grid_and_until_ends_one(stage: Stage, scripte
         (lambda p: p.__setitem__((0, X), 0.01), r"axis x: 0x607A:00 .*row 0.*velocity limit 1 m/s"),
     ],
 )
-def test_setpoints_outside_the_limits_send_nothing(
-    stage: Stage, scripted: Any, change: Any, text: str
-) -> None:
+def test_setpoints_outside_the_limits_send_nothing(stage, scripted, change, text):
     stage.enable()
     before = len(scripted.sent)
     position, offset = rest(stage, 5)
@@ -100,12 +92,10 @@ def test_setpoints_outside_the_limits_send_nothing(
     assert len(scripted.sent) == before
 
 
-def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(
-    stage: Stage, scripted: Any
-) -> None:
+def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(stage, scripted):
     stage.enable()
 
-    def drop(drive: Any, count: int) -> None:
+    def drop(drive, count):
         drive.position += 7
         drive.mute_tpdo = 1 if count == start + 3 else 0
 
@@ -120,12 +110,12 @@ def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(
     np.testing.assert_allclose(np.diff(samples.time), 1e-3)
 
 
-def test_streaming_before_enable_is_refused(stage: Stage) -> None:
+def test_streaming_before_enable_is_refused(stage):
     with pytest.raises(AxisFault, match="axis x: the stage is not enabled"):
         stage.stream(np.zeros((1, 2)), np.zeros((1, 2)))
 
 
-def test_no_sdo_while_streaming(stage: Stage, scripted: Any) -> None:
+def test_no_sdo_while_streaming(stage, scripted):
     stage.enable()
     before = len(scripted.sent)
     stage.stream(*rest(stage, 300))
@@ -133,16 +123,16 @@ def test_no_sdo_while_streaming(stage: Stage, scripted: Any) -> None:
     assert ids == {0x080, 0x201, 0x202, 0x77F}
 
 
-def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage: Stage, scripted: Any) -> None:
+def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage, scripted):
     stage.enable()
 
-    def slow(position: tuple[float, ...]) -> bool:
+    def slow(position):
         calls.append(position)
         if len(calls) == 3:
             scripted.clock.now += 3_700_000
         return False
 
-    calls: list[tuple[float, ...]] = []
+    calls = []
     samples = stage.stream(*rest(stage, 6), until=slow)
     assert samples.late.tolist() == [False, False, False, True, False, False]
     np.testing.assert_allclose(samples.time, np.array([0, 1, 2, 5, 6, 7]) * 1e-3)
@@ -151,12 +141,12 @@ def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage: Stage, scripte
     assert stage.late == 1
 
 
-def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage: Stage, scripted: Any) -> None:
+def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage, scripted):
     """Of the axis that answers last: its old frame would end the cycle before its new one."""
     stage.enable()
     count = itertools.count()
 
-    def sink(sample: tuple[int, ...]) -> None:
+    def sink(sample):
         if next(count) == 2:
             scripted.deliver(0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0))
 
@@ -171,7 +161,7 @@ def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage: Stage, script
     assert samples.valid[:, X].all()
 
 
-def test_old_tpdos_beside_every_new_one_stop_the_stage(stage: Stage, scripted: Any) -> None:
+def test_old_tpdos_beside_every_new_one_stop_the_stage(stage, scripted):
     stage.enable()
     stage.sink = lambda sample: scripted.deliver(0x182, struct.pack("<Hih", 0x227, 5, 0))
     with pytest.raises(AxisFault, match=r"^axis y: .*more than one TPDO 0x182 .* node id 2\?"):
@@ -179,9 +169,7 @@ def test_old_tpdos_beside_every_new_one_stop_the_stage(stage: Stage, scripted: A
     assert not stage.enabled
 
 
-def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(
-    stage: Stage, scripted: Any
-) -> None:
+def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(stage, scripted):
     stage.enable()
     start = scripted.clock.now
     stage.stream(*rest(stage, 1000))

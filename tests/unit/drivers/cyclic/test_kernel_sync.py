@@ -1,9 +1,6 @@
 """What the kernel is asked to send; that it does so is tested on a SocketCAN bus (tests/hil)."""
 
-from __future__ import annotations
-
 import socket
-from typing import Any
 
 import can
 import pytest
@@ -12,10 +9,10 @@ from drivers.cyclic.kernel_sync import KernelSync
 
 
 class Task:
-    def __init__(self) -> None:
+    def __init__(self):
         self.stopped = 0
 
-    def stop(self) -> None:
+    def stop(self):
         self.stopped += 1
         raise can.CanOperationError("gone")
 
@@ -23,10 +20,10 @@ class Task:
 class Bus:
     """A bus with a socket and a broadcast manager."""
 
-    def __init__(self, own: socket.socket) -> None:
+    def __init__(self, own):
         self.socket, self.asked, self.task = own, [], Task()
 
-    def send_periodic(self, messages: Any, period: float, store_task: bool) -> Task:
+    def send_periodic(self, messages, period, store_task):
         self.asked.append((messages, period, store_task))
         return self.task
 
@@ -38,14 +35,14 @@ def bus():
         yield Bus(one)
 
 
-def test_sync_without_a_counter_is_empty(bus: Any) -> None:
+def test_sync_without_a_counter_is_empty(bus):
     KernelSync(bus, 1000, 0).start()
     ((messages, period, _),) = bus.asked
     assert [(m.arbitration_id, bytes(m.data)) for m in messages] == [(0x80, b"")]
     assert int(period * 1e6) == 1000  # python-can truncates
 
 
-def test_the_counter_runs_from_1_to_its_overflow(bus: Any) -> None:
+def test_the_counter_runs_from_1_to_its_overflow(bus):
     KernelSync(bus, 250, 4).start()
     ((messages, period, _),) = bus.asked
     assert [bytes(m.data) for m in messages] == [b"\1", b"\2", b"\3", b"\4"]
@@ -53,12 +50,12 @@ def test_the_counter_runs_from_1_to_its_overflow(bus: Any) -> None:
 
 
 @pytest.mark.parametrize("period_us", [125, 333, 1000, 4001])
-def test_no_period_is_a_microsecond_short(bus: Any, period_us: int) -> None:
+def test_no_period_is_a_microsecond_short(bus, period_us):
     KernelSync(bus, period_us, 0).start()
     assert int(bus.asked[0][1] * 1e6) == period_us
 
 
-def test_it_is_started_once_and_stopping_never_fails(bus: Any) -> None:
+def test_it_is_started_once_and_stopping_never_fails(bus):
     sync = KernelSync(bus, 1000, 0)
     sync.stop()
     sync.start()
@@ -69,6 +66,6 @@ def test_it_is_started_once_and_stopping_never_fails(bus: Any) -> None:
     assert bus.task.stopped == 1
 
 
-def test_other_buses_have_no_kernel_that_sends(bus: Any) -> None:
+def test_other_buses_have_no_kernel_that_sends(bus):
     assert not KernelSync.fits(bus)
     assert not KernelSync.fits(object())

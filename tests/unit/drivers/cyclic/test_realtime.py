@@ -1,7 +1,5 @@
 """Real-time requests to the operating system, and their withdrawal."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

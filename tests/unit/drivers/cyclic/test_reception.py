@@ -1,10 +1,7 @@
 """Frames between two SYNCs: whose they are, when they arrived, and which come too late."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
-from typing import Any
 
 import can
 import pytest
@@ -13,13 +10,12 @@ from drivers.canopen import Network
 from drivers.cyclic import Channel
 from drivers.cyclic.reception import Reception
 from drivers.drive import Axis
-from drivers.settings import AxisSettings, BusSettings
 
 MS = 1_000_000
 X, Y = 0x181, 0x182
 
 
-def tpdo(position: int) -> bytes:
+def tpdo(position):
     return struct.pack("<Hih", 0x0637, position, 5)
 
 
@@ -28,34 +24,34 @@ class Stamped:
 
     useless = False
 
-    def __call__(self, stamp: float, now: int) -> int:
+    def __call__(self, stamp, now):
         return round(stamp * 1e9)
 
 
 @pytest.fixture
-def network(scripted: Any) -> Network:
+def network(scripted):
     return Network(scripted, "scripted")
 
 
 @pytest.fixture
-def make(network: Network, axis_settings: tuple[AxisSettings, ...], bus_settings: BusSettings):
-    def reception(stamped: bool = False, **changes: Any) -> Reception:
+def make(network, axis_settings, bus_settings):
+    def reception(stamped=False, **changes):
         channels = [Channel(Axis(network, axis)) for axis in axis_settings]
         made = Reception(network, channels, replace(bus_settings, **changes))
         if stamped:
-            made.arrival_of = Stamped()  # type: ignore[assignment]
+            made.arrival_of = Stamped()
         return made
 
     return reception
 
 
-def deliver(scripted: Any, can_id: int, data: bytes, at: int = 0) -> None:
+def deliver(scripted, can_id, data, at=0):
     scripted.queue.append(
         can.Message(arbitration_id=can_id, is_extended_id=False, data=data, timestamp=at * 1e-9)
     )
 
 
-def test_the_wait_ends_with_the_last_answer(make, scripted) -> None:
+def test_the_wait_ends_with_the_last_answer(make, scripted):
     reception, begin = make(), scripted.clock.now
     deliver(scripted, Y, tpdo(2))
     deliver(scripted, X, tpdo(1))
@@ -64,7 +60,7 @@ def test_the_wait_ends_with_the_last_answer(make, scripted) -> None:
     assert (reception.missed, scripted.clock.now) == (0, begin)
 
 
-def test_an_answer_that_is_missing_is_awaited_for_half_the_period(make, scripted) -> None:
+def test_an_answer_that_is_missing_is_awaited_for_half_the_period(make, scripted):
     reception, begin = make(), scripted.clock.now
     deliver(scripted, X, tpdo(1))
     reception.collect(scripted.recv, begin)
@@ -73,7 +69,7 @@ def test_an_answer_that_is_missing_is_awaited_for_half_the_period(make, scripted
     assert scripted.clock.now == begin + MS // 2
 
 
-def test_frames_of_services_are_passed_on_meanwhile(make, network, scripted) -> None:
+def test_frames_of_services_are_passed_on_meanwhile(make, network, scripted):
     reception, seen = make(), []
     network.subscribe(0x701, lambda *frame: seen.append(bytes(frame[1])))
     deliver(scripted, 0x701, b"\x05")
@@ -84,7 +80,7 @@ def test_frames_of_services_are_passed_on_meanwhile(make, network, scripted) -> 
     assert reception.missed == 0
 
 
-def test_a_frame_of_another_length_is_no_sample(make, scripted) -> None:
+def test_a_frame_of_another_length_is_no_sample(make, scripted):
     reception = make()
     deliver(scripted, X, tpdo(1)[:-1])
     deliver(scripted, Y, tpdo(2))
@@ -92,7 +88,7 @@ def test_a_frame_of_another_length_is_no_sample(make, scripted) -> None:
     assert [c.valid for c in reception.channels] == [False, True]
 
 
-def test_a_second_answer_is_counted_and_the_first_one_taken(make, scripted) -> None:
+def test_a_second_answer_is_counted_and_the_first_one_taken(make, scripted):
     reception = make()
     for position in (1, 1):
         deliver(scripted, X, tpdo(position))
@@ -101,7 +97,7 @@ def test_a_second_answer_is_counted_and_the_first_one_taken(make, scripted) -> N
     assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
 
 
-def test_the_stamp_counts_however_late_the_host_reads(make, scripted) -> None:
+def test_the_stamp_counts_however_late_the_host_reads(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     deliver(scripted, X, tpdo(1), begin + MS // 5)
     deliver(scripted, Y, tpdo(2), begin + MS // 4)
@@ -110,7 +106,7 @@ def test_the_stamp_counts_however_late_the_host_reads(make, scripted) -> None:
     assert [c.arrival for c in reception.channels] == [MS // 5, MS // 4]
 
 
-def test_a_frame_from_before_the_sync_is_not_its_answer(make, scripted) -> None:
+def test_a_frame_from_before_the_sync_is_not_its_answer(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now + MS
     deliver(scripted, X, tpdo(7), begin - MS // 10)
     deliver(scripted, X, tpdo(1), begin + MS // 5)
@@ -119,7 +115,7 @@ def test_a_frame_from_before_the_sync_is_not_its_answer(make, scripted) -> None:
     assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
 
 
-def test_after_the_drives_window_nothing_counts(make, scripted) -> None:
+def test_after_the_drives_window_nothing_counts(make, scripted):
     reception, begin = make(stamped=True, sync_window=5e-4), scripted.clock.now
     deliver(scripted, X, tpdo(1), begin + 290_000)
     deliver(scripted, Y, tpdo(2), begin + 310_000)
@@ -128,7 +124,7 @@ def test_after_the_drives_window_nothing_counts(make, scripted) -> None:
     assert not reception.accepts_tardy
 
 
-def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted) -> None:
+def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     deliver(scripted, X, tpdo(1), begin + MS // 5)
     reception.collect(scripted.recv, begin)
@@ -139,7 +135,7 @@ def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted
     assert reception.missed == 0
 
 
-def test_one_a_period_late_is_not(make, scripted) -> None:
+def test_one_a_period_late_is_not(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     deliver(scripted, X, tpdo(1), begin + MS // 5)
     reception.collect(scripted.recv, begin)
@@ -149,7 +145,7 @@ def test_one_a_period_late_is_not(make, scripted) -> None:
     assert reception.channels[1].extra == 1
 
 
-def test_our_own_sync_tells_when_it_was_on_the_bus(make, scripted) -> None:
+def test_our_own_sync_tells_when_it_was_on_the_bus(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     deliver(scripted, 0x80, b"", begin + 30_000)
     for can_id in (X, Y):
@@ -158,7 +154,7 @@ def test_our_own_sync_tells_when_it_was_on_the_bus(make, scripted) -> None:
     assert reception.echo_at == begin + 30_000
 
 
-def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scripted) -> None:
+def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     reception.follow_kernel(True)
     for period in (0, 1, 4):  # two were lost
@@ -168,7 +164,7 @@ def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scrip
     assert reception.take_kernel_periods()[0] == 0
 
 
-def test_the_kernels_next_sync_ends_the_wait(make, scripted) -> None:
+def test_the_kernels_next_sync_ends_the_wait(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     reception.follow_kernel(True)
     deliver(scripted, 0x80, b"", begin + MS)
@@ -178,14 +174,14 @@ def test_the_kernels_next_sync_ends_the_wait(make, scripted) -> None:
     assert len(scripted.queue) == 1  # that one answers the next SYNC
 
 
-def test_answers_of_a_bus_that_has_them_at_once_are_taken_as_they_are(make, scripted) -> None:
+def test_answers_of_a_bus_that_has_them_at_once_are_taken_as_they_are(make, scripted):
     reception, begin = make(), scripted.clock.now
     reception.take([tpdo(1), tpdo(2)], begin)
     assert [(c.position, c.arrival) for c in reception.channels] == [(1, 0), (2, 0)]
     assert (reception.sync_at, reception.missed) == (begin, 0)
 
 
-def test_error_remote_and_extended_frames_are_nobodys(make, network, scripted) -> None:
+def test_error_remote_and_extended_frames_are_nobodys(make, network, scripted):
     reception, seen = make(), []
     network.subscribe(0x701, lambda *frame: seen.append(frame))
     for kind in ("is_error_frame", "is_remote_frame", "is_extended_id"):

@@ -1,24 +1,18 @@
 """Configuration of an axis on a scripted bus: PDO mappings, modes, interpolation period."""
 
-from __future__ import annotations
-
 import dataclasses
 import struct
-from typing import Any
 
 import pytest
 
 from drivers.drive.axis import interpolation_period
 from drivers.errors import ConfigurationError, NodeError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 X, Y = 0, 1
 
 
-def test_boot_maps_one_64_bit_pdo_each_way_and_disables_the_others(
-    stage: Stage, scripted: Any
-) -> None:
+def test_boot_maps_one_64_bit_pdo_each_way_and_disables_the_others(stage, scripted):
     held = scripted.drives[X].objects
     assert [held[0x1600, i] for i in range(4)] == [3, 0x60400010, 0x607A0020, 0x60B20010]
     assert [held[0x1A00, i] for i in range(4)] == [3, 0x60410010, 0x60640020, 0x60770010]
@@ -32,7 +26,7 @@ def test_boot_maps_one_64_bit_pdo_each_way_and_disables_the_others(
     assert scripted.drives[Y].objects[0x6072, 0] == 3333
 
 
-def test_mapping_is_written_while_invalid_and_count_zero(stage: Stage, scripted: Any) -> None:
+def test_mapping_is_written_while_invalid_and_count_zero(stage, scripted):
     writes = [w for w in scripted.drives[X].writes if w[0] in (0x1600, 0x1400)]
     kinds = [(i, s) for i, s, _ in writes]
     first, last = kinds.index((0x1600, 1)), kinds.index((0x1600, 3))
@@ -43,9 +37,7 @@ def test_mapping_is_written_while_invalid_and_count_zero(stage: Stage, scripted:
     assert writes[-1] == (0x1400, 1, 0x201)
 
 
-def test_a_mapping_that_reads_back_differently_is_an_error(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_mapping_that_reads_back_differently_is_an_error(scripted, bus_settings, axis_settings):
     scripted.drives[X].stuck.add((0x1600, 3))
     with (
         Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
@@ -54,9 +46,7 @@ def test_a_mapping_that_reads_back_differently_is_an_error(
         stage.boot()
 
 
-def test_a_mode_that_is_refused_is_named_by_its_number(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_mode_that_is_refused_is_named_by_its_number(scripted, bus_settings, axis_settings):
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         stage.boot()
         scripted.drives[X].refuse[0x6060, 0] = 0x06090030
@@ -65,8 +55,8 @@ def test_a_mode_that_is_refused_is_named_by_its_number(
 
 
 def test_an_eds_without_force_offset_leaves_it_out_of_the_rpdo(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
-) -> None:
+    scripted, bus_settings, axis_settings, tmp_path
+):
     text = axis_settings[0].eds.read_text()
     head, rest_ = text.split("[60B2]")
     other = tmp_path / "without.eds"
@@ -81,8 +71,8 @@ def test_an_eds_without_force_offset_leaves_it_out_of_the_rpdo(
 
 
 def test_a_mapping_of_more_than_64_bits_names_the_eds(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
-) -> None:
+    scripted, bus_settings, axis_settings, tmp_path
+):
     before, entry = axis_settings[0].eds.read_text().split("[6064]")
     other = tmp_path / "wide.eds"
     other.write_text(before + "[6064]" + entry.replace("DataType=0x0004", "DataType=0x0015", 1))
@@ -92,12 +82,12 @@ def test_a_mapping_of_more_than_64_bits_names_the_eds(
 
 
 @pytest.mark.parametrize("period_us", [1000, 2000, 2500, 250, 125, 4000, 10_000, 1_000_000])
-def test_interpolation_period_is_the_sync_period(period_us: int) -> None:
+def test_interpolation_period_is_the_sync_period(period_us):
     value, index = interpolation_period(period_us)
     assert 0 < value <= 255
     assert value * 10 ** (index + 6) == pytest.approx(period_us)
 
 
-def test_a_period_without_interpolation_value_is_named() -> None:
+def test_a_period_without_interpolation_value_is_named():
     with pytest.raises(ConfigurationError, match=r"0x60C2:01 .*1234 us"):
         interpolation_period(1234)

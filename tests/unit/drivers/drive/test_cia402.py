@@ -1,7 +1,5 @@
 """CiA 402 states, transitions and controlwords against the printed tables."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest
@@ -41,18 +39,18 @@ PRINTED = {
 }
 
 
-def matches(word: int, pattern: str) -> bool:
+def matches(word, pattern):
     return all(p in ("x", b) for p, b in zip(pattern, f"{word:016b}", strict=True))
 
 
-def test_decode_agrees_with_the_printed_table_for_every_statusword() -> None:
+def test_decode_agrees_with_the_printed_table_for_every_statusword():
     for word in range(0x10000):
         shown = [s for s, pattern in PRINTED.items() if matches(word, pattern)]
         assert len(shown) <= 1
         assert decode(word) is (shown[0] if shown else State.NOT_READY_TO_SWITCH_ON)
 
 
-def test_the_transition_table_is_complete() -> None:
+def test_the_transition_table_is_complete():
     """All numbers of CiA 402-2, figure 6; 0, 13 and 16 are not the host's (see the module)."""
     numbers = {n for n, _ in TRANSITIONS.values()} | {n for n, _ in AUTOMATIC.values()}
     assert numbers == set(range(17)) - {0, 13, 16}
@@ -69,7 +67,7 @@ def test_the_transition_table_is_complete() -> None:
 
 
 @pytest.mark.parametrize(("state", "target"), list(itertools.product(State, REACHABLE)))
-def test_every_target_is_reached_from_every_state(state: State, target: State) -> None:
+def test_every_target_is_reached_from_every_state(state, target):
     """A drive that obeys the table arrives, and a fault is reset by an edge."""
     word, edge = 0, False
     for _ in range(12):
@@ -86,16 +84,16 @@ def test_every_target_is_reached_from_every_state(state: State, target: State) -
     pytest.fail(f"stays in {state}")
 
 
-def test_enabling_takes_shutdown_switch_on_enable_operation() -> None:
+def test_enabling_takes_shutdown_switch_on_enable_operation():
     words = [next_controlword(s, State.OPERATION_ENABLED) for s in REACHABLE[:3]]
     assert words == [0x06, 0x07, 0x0F]
 
 
-def test_a_drive_is_not_enabled_directly_from_quick_stop() -> None:
+def test_a_drive_is_not_enabled_directly_from_quick_stop():
     assert next_command(State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED) is Command.DISABLE_VOLTAGE
 
 
-def test_a_set_fault_reset_bit_is_cleared_before_the_next_edge() -> None:
+def test_a_set_fault_reset_bit_is_cleared_before_the_next_edge():
     target = State.SWITCH_ON_DISABLED
     words = [0x80]
     for _ in range(3):
@@ -103,7 +101,7 @@ def test_a_set_fault_reset_bit_is_cleared_before_the_next_edge() -> None:
     assert words == [0x80, 0x00, 0x80, 0x00]
 
 
-def test_nothing_is_commanded_until_the_fault_reaction_ends() -> None:
+def test_nothing_is_commanded_until_the_fault_reaction_ends():
     assert next_command(State.FAULT_REACTION_ACTIVE, State.SWITCH_ON_DISABLED) is None
     assert next_controlword(State.FAULT_REACTION_ACTIVE, State.SWITCH_ON_DISABLED, 0x8F) == 0x0F
 
@@ -111,12 +109,12 @@ def test_nothing_is_commanded_until_the_fault_reaction_ends() -> None:
 @pytest.mark.parametrize(
     "target", [State.FAULT, State.FAULT_REACTION_ACTIVE, State.NOT_READY_TO_SWITCH_ON]
 )
-def test_a_fault_cannot_be_commanded(target: State) -> None:
+def test_a_fault_cannot_be_commanded(target):
     with pytest.raises(ValueError, match="cannot be commanded"):
         next_controlword(State.OPERATION_ENABLED, target)
 
 
-def test_holding_controlwords_cause_no_transition() -> None:
+def test_holding_controlwords_cause_no_transition():
     for state, word in HOLD.items():
         if state is not State.SWITCH_ON_DISABLED:
             assert (state, Command(word)) not in TRANSITIONS
@@ -134,22 +132,20 @@ def test_holding_controlwords_cause_no_transition() -> None:
         (State.QUICK_STOP_ACTIVE, 0x02),
     ],
 )
-def test_a_state_that_is_reached_is_held_whatever_was_sent_last(
-    state: State, word: int, previous: int
-) -> None:
+def test_a_state_that_is_reached_is_held_whatever_was_sent_last(state, word, previous):
     assert next_controlword(state, state, previous) == word
 
 
 @pytest.mark.parametrize("state", [State.FAULT, State.FAULT_REACTION_ACTIVE])
-def test_in_a_commanded_fault_state_the_controlword_stays(state: State) -> None:
+def test_in_a_commanded_fault_state_the_controlword_stays(state):
     assert next_controlword(state, state, 0x0006) == 0x0006
 
 
-def test_the_previous_controlword_defaults_to_zero() -> None:
+def test_the_previous_controlword_defaults_to_zero():
     assert next_controlword(State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED) == 0x0000
 
 
-def test_bits_and_modes_are_those_of_the_printed_tables() -> None:
+def test_bits_and_modes_are_those_of_the_printed_tables():
     """Controlword, statusword with the modes' own bits, and 0x6060, by CiA 402-2."""
     assert [1 << n for n in (4, 5, 6, 8, 9)] == [
         Control.NEW_SETPOINT, Control.CHANGE_IMMEDIATELY, Control.RELATIVE, Control.HALT,

@@ -1,23 +1,19 @@
 """Parameter values from a DCF: written, read back, differences reported."""
 
-from __future__ import annotations
-
 import dataclasses
 import struct
-from typing import Any
 
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 X, Y = 0, 1
 
 
 def test_floats_and_strings_of_a_dcf_are_written_too(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
-) -> None:
+    scripted, bus_settings, axis_settings, tmp_path
+):
     text = axis_settings[0].eds.read_text()
     for index, data_type, value in (("2100", "0x0008", "0.1"), ("2101", "0x0009", "fine")):
         text += f"\n[{index}]\nParameterName=gain\nObjectType=0x7\nDataType={data_type}\n"

@@ -1,32 +1,25 @@
 """What a drive is to do without its host: written, read back, and judged by what it holds."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers import objects as od
 from drivers.drive.host_loss import watch_host
 from drivers.errors import NodeError
-from drivers.stage import Stage
 
 QUICK_STOP = 3
 READ_ONLY, ABSENT = 0x06010002, 0x06020000
 
 
 @pytest.fixture
-def clauses() -> list[str]:
+def clauses():
     return []
 
 
-def watched(stage: Stage, clauses: list[str]) -> Any:
+def watched(stage, clauses):
     return watch_host(stage.axes[0].node, QUICK_STOP, clauses.append)
 
 
-def test_the_hosts_heartbeat_is_watched_for_half_a_second(
-    stage: Stage, scripted: Any, clauses: list[str]
-) -> None:
+def test_the_hosts_heartbeat_is_watched_for_half_a_second(stage, scripted, clauses):
     drive = scripted.drives[0]
     drive.objects[0x1016, 1] = drive.objects[0x6007, 0] = 0
     assert watched(stage, clauses) is None
@@ -35,9 +28,7 @@ def test_the_hosts_heartbeat_is_watched_for_half_a_second(
     assert clauses == []
 
 
-def test_a_drive_that_refuses_the_heartbeat_does_not_notice(
-    stage: Stage, scripted: Any, clauses: list[str]
-) -> None:
+def test_a_drive_that_refuses_the_heartbeat_does_not_notice(stage, scripted, clauses):
     scripted.drives[0].objects[0x1016, 1] = 0
     scripted.drives[0].refuse_write[0x1016, 1] = READ_ONLY
     ref, why = watched(stage, clauses)
@@ -46,9 +37,7 @@ def test_a_drive_that_refuses_the_heartbeat_does_not_notice(
     assert why.endswith(": the drive does not notice that its host is lost, and stays under power")
 
 
-def test_a_drive_that_watches_no_heartbeat_at_all_does_not_notice(
-    stage: Stage, scripted: Any, clauses: list[str]
-) -> None:
+def test_a_drive_that_watches_no_heartbeat_at_all_does_not_notice(stage, scripted, clauses):
     """Some keep 0x1016:01 and watch nothing: their number of entries is 0."""
     scripted.drives[0].objects[0x1016, 0] = 0
     ref, why = watched(stage, clauses)
@@ -56,9 +45,7 @@ def test_a_drive_that_watches_no_heartbeat_at_all_does_not_notice(
     assert why.startswith("0x1016:00 number of heartbeats watched is 0: ")
 
 
-def test_a_drive_without_a_reaction_does_nothing(
-    stage: Stage, scripted: Any, clauses: list[str]
-) -> None:
+def test_a_drive_without_a_reaction_does_nothing(stage, scripted, clauses):
     scripted.drives[0].objects[0x6007, 0] = 0
     scripted.drives[0].stuck.add((0x6007, 0))
     ref, why = watched(stage, clauses)
@@ -76,9 +63,7 @@ def test_a_drive_without_a_reaction_does_nothing(
         (-1 & 0xFFFF, "the reaction is manufacturer specific"),
     ],
 )
-def test_another_reaction_is_a_limitation(
-    stage: Stage, scripted: Any, clauses: list[str], held: int, reaction: str
-) -> None:
+def test_another_reaction_is_a_limitation(stage, scripted, clauses, held, reaction):
     scripted.drives[0].objects[0x6007, 0] = held
     scripted.drives[0].stuck.add((0x6007, 0))
     assert watched(stage, clauses) is None
@@ -87,15 +72,13 @@ def test_another_reaction_is_a_limitation(
     assert clause.endswith(reaction)
 
 
-def test_a_reaction_that_is_not_offered_is_a_limitation(
-    stage: Stage, scripted: Any, clauses: list[str]
-) -> None:
+def test_a_reaction_that_is_not_offered_is_a_limitation(stage, scripted, clauses):
     scripted.drives[0].refuse[0x6007, 0] = ABSENT
     assert watched(stage, clauses) is None
     assert "is not offered: without its host the reaction is manufacturer" in clauses[0]
 
 
-def test_silence_is_an_error(stage: Stage, scripted: Any, clauses: list[str]) -> None:
+def test_silence_is_an_error(stage, scripted, clauses):
     scripted.drives[0].silent = True
     with pytest.raises(NodeError, match=r"axis x: 0x1016:01 .*node 1 does not answer"):
         watched(stage, clauses)

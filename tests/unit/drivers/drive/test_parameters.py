@@ -1,16 +1,10 @@
 """Which values of a drive are accepted in place of the requested ones, and what is said of them."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers import objects as od
 from drivers.drive.parameters import Parameter, Rule, write_profile, write_settings
 from drivers.errors import ConfigurationError, NodeError
-from drivers.settings import AxisSettings
-from drivers.stage import Stage
 
 READ_ONLY, ABSENT = 0x06010002, 0x06020000
 
@@ -28,15 +22,13 @@ READ_ONLY, ABSENT = 0x06010002, 0x06020000
         (Rule.ANY, 5, (0, 999), ()),
     ],
 )
-def test_accepted_are_rounded_values_and_the_safe_side(
-    rule: Rule, wanted: int, accepted: tuple[int, ...], refused: tuple[int, ...]
-) -> None:
+def test_accepted_are_rounded_values_and_the_safe_side(rule, wanted, accepted, refused):
     parameter = Parameter(od.MAX_FORCE, wanted, rule)
     assert [v for v in accepted if not parameter.is_accepted(v)] == []
     assert [v for v in refused if parameter.is_accepted(v)] == []
 
 
-def test_a_value_is_described_in_its_si_unit_with_its_consequence() -> None:
+def test_a_value_is_described_in_its_si_unit_with_its_consequence():
     window = Parameter(od.FOLLOWING_ERROR_WINDOW, 1_000_000, Rule.LESS, 1e-9, "m", "sooner")
     assert window.describe(500_000) == (
         "0x6065:00 following error window is 0.0005 m, not 0.001 m: sooner"
@@ -47,9 +39,7 @@ def test_a_value_is_described_in_its_si_unit_with_its_consequence() -> None:
     assert "is 0.149999999 m, not 0.15 m: the drive rounds it" in travel.describe(149_999_999)
 
 
-def test_the_host_goes_on_with_the_values_that_the_drive_holds(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_the_host_goes_on_with_the_values_that_the_drive_holds(stage, scripted, axis_settings):
     held = scripted.drives[0].objects
     for place, value in {
         (0x6065, 0): 500_000, (0x6072, 0): 2000, (0x607D, 1): 2**32 - 100_000_000,
@@ -68,9 +58,7 @@ def test_the_host_goes_on_with_the_values_that_the_drive_holds(
     ]  # fmt: skip
 
 
-def test_more_force_than_requested_is_refused(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_more_force_than_requested_is_refused(stage, scripted, axis_settings):
     scripted.drives[0].objects[0x6072, 0] = 4000
     scripted.drives[0].stuck.add((0x6072, 0))
     with pytest.raises(
@@ -79,9 +67,7 @@ def test_more_force_than_requested_is_refused(
         write_settings(stage.axes[0].node, axis_settings[0])
 
 
-def test_a_refused_write_is_an_error_with_its_abort_code(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_refused_write_is_an_error_with_its_abort_code(stage, scripted, axis_settings):
     scripted.drives[0].objects[0x6098, 0] = 17
     scripted.drives[0].refuse_write[0x6098, 0] = READ_ONLY
     with pytest.raises(NodeError, match=r"0x6098:00 .*the drive holds 17") as caught:
@@ -89,9 +75,7 @@ def test_a_refused_write_is_an_error_with_its_abort_code(
     assert caught.value.abort_code == READ_ONLY
 
 
-def test_missing_objects_are_reported_where_they_have_a_consequence(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_missing_objects_are_reported_where_they_have_a_consequence(stage, scripted, axis_settings):
     for index, sub in ((0x6065, 0), (0x605A, 0), (0x607D, 2), (0x6067, 0), (0x605B, 0)):
         scripted.drives[0].refuse[index, sub] = ABSENT
     _, clauses = write_settings(stage.axes[0].node, axis_settings[0])
@@ -111,17 +95,15 @@ def test_missing_objects_are_reported_where_they_have_a_consequence(
     ],
 )
 def test_another_reaction_to_a_quick_stop_is_spelled_out(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...], held: int, reaction: str
-) -> None:
+    stage, scripted, axis_settings, held, reaction
+):
     scripted.drives[0].objects[0x605A, 0] = held
     scripted.drives[0].stuck.add((0x605A, 0))
     (clause,) = write_settings(stage.axes[0].node, axis_settings[0])[1]
     assert clause.endswith(f"on a quick stop, also when the host is lost, {reaction}")
 
 
-def test_a_slower_profile_tells_how_much_longer_moves_take(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_slower_profile_tells_how_much_longer_moves_take(stage, scripted, axis_settings):
     drive = scripted.drives[0]
     unit = axis_settings[0].velocity_unit_si
     drive.objects[0x6081, 0] = round(0.05 / unit)
@@ -134,9 +116,7 @@ def test_a_slower_profile_tells_how_much_longer_moves_take(
     )
 
 
-def test_a_profile_needs_its_velocity_object(
-    stage: Stage, scripted: Any, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_profile_needs_its_velocity_object(stage, scripted, axis_settings):
     scripted.drives[0].refuse[0x6081, 0] = ABSENT
     with pytest.raises(ConfigurationError, match=r"axis x: 0x6081:00 .*is not offered"):
         write_profile(stage.axes[0].node, axis_settings[0], 0.2, 5.0)

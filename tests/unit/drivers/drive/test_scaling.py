@@ -1,9 +1,6 @@
 """Every object that the host writes, what it counts, and that nothing is written besides."""
 
-from __future__ import annotations
-
 import ast
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,13 +66,13 @@ AXIS = AxisSettings(
 OBJECTS = {str(o)[:9]: o for o in vars(od).values() if isinstance(o, ObjectRef)}
 
 
-def test_the_table_is_complete() -> None:
+def test_the_table_is_complete():
     known = {place for place, ref in OBJECTS.items() if ref.quantity is not None}
     assert known == set(WRITTEN) | set(READ)
 
 
 @pytest.mark.parametrize("place", [*WRITTEN, *READ])
-def test_each_object_has_its_unit(place: str) -> None:
+def test_each_object_has_its_unit(place):
     size, si = (WRITTEN | READ)[place]
     ref = OBJECTS[place]
     assert unit(AXIS, ref) == pytest.approx(size, rel=1e-12)
@@ -84,18 +81,18 @@ def test_each_object_has_its_unit(place: str) -> None:
     assert counts(AXIS, ref, -7.6 * size) == -8
 
 
-def test_the_scale_of_process_data_is_that_of_its_objects() -> None:
+def test_the_scale_of_process_data_is_that_of_its_objects():
     assert scale(AXIS) == Scale(2e-9, 0.05)
 
 
-def test_a_rotary_axis_counts_angles_and_torques() -> None:
+def test_a_rotary_axis_counts_angles_and_torques():
     turning = replace(AXIS, rotary=True)
     found = [dimension(turning, ref) for ref in (od.TARGET_POSITION, od.PROFILE_VELOCITY,
              od.QUICK_STOP_DECELERATION, od.MAX_FORCE, od.CYCLE_PERIOD, od.MODE)]  # fmt: skip
     assert found == ["rad", "rad/s", "rad/s^2", "N m", "s", ""]
 
 
-def test_an_object_without_a_quantity_has_no_unit() -> None:
+def test_an_object_without_a_quantity_has_no_unit():
     with pytest.raises(
         ConfigurationError, match=r"^axis x: 0x1018:01 vendor id: has no unit that the host knows$"
     ):
@@ -133,7 +130,7 @@ SOURCES = sorted(
 )
 
 
-def _written(path: Path) -> Iterator[tuple[str, ast.expr]]:
+def _written(path):
     """Per call of a writer: where it is, and the object given to it."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.Call):
@@ -148,13 +145,13 @@ def _written(path: Path) -> Iterator[tuple[str, ast.expr]]:
             yield f"{path.parent.name}/{path.name}", found
 
 
-def _all_objects(path: Path) -> Iterator[tuple[str, ast.expr]]:
+def _all_objects(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Attribute) and ast.unparse(node).startswith("od."):
             yield f"{path.parent.name}/{path.name}", node
 
 
-def test_the_host_writes_nothing_but_what_is_in_the_table() -> None:
+def test_the_host_writes_nothing_but_what_is_in_the_table():
     seen = 0
     for path in SOURCES:
         calls = _all_objects(path) if path.name == "parameters.py" else ()
@@ -171,7 +168,7 @@ def test_the_host_writes_nothing_but_what_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("name", ["velocity_unit_si", "acceleration_unit_si", "rated_force"])
-def test_units_become_integers_in_one_place(name: str) -> None:
+def test_units_become_integers_in_one_place(name):
     users = {
         f"{path.parent.name}/{path.name}"
         for path in SOURCES

@@ -1,7 +1,5 @@
 """A drive's factor group and SI units against the settings."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -21,7 +19,7 @@ WRITTEN = {"velocity_unit": 1e-9, "acceleration_unit": 1e-6}
 class Drive:
     """Objects of a drive, by (index, sub)."""
 
-    def __init__(self, **objects: int) -> None:
+    def __init__(self, **objects):
         self.objects = {
             (int(name[1:5], 16), int(name[6:], 16)): value for name, value in objects.items()
         }
@@ -323,9 +321,7 @@ def test_the_rated_force_agrees_to_the_millinewton(held):
         (0xFFB50300, "10^-1 increments per second", INCREMENT, 1, 0.1),
     ],
 )
-def test_units_that_are_understood(
-    value: int, words: str, base: str, per: int, size: float
-) -> None:
+def test_units_that_are_understood(value, words, base, per, size):
     for number in (value, value - (1 << 32)):
         unit = read_unit(number)
         assert (unit.words, unit.base, unit.per) == (words, base, per)
@@ -343,13 +339,13 @@ def test_units_that_are_understood(
         (0x00010305, "metres per second, and 0x05 in bits that mean nothing"),
     ],
 )
-def test_units_that_are_not_understood_have_words_and_no_size(value: int, words: str) -> None:
+def test_units_that_are_not_understood_have_words_and_no_size(value, words):
     unit = read_unit(value)
     assert (unit.words, unit.size) == (words, 0.0)
 
 
 @given(st.integers(0, 0xFFFFFFFF))
-def test_whatever_a_drive_states_is_one_line_with_a_size_or_none(value: int) -> None:
+def test_whatever_a_drive_states_is_one_line_with_a_size_or_none(value):
     unit = read_unit(value)
     assert unit.words
     assert "\n" not in unit.words

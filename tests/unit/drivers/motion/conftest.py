@@ -1,10 +1,5 @@
 """Scripted drives that take setpoints of profile position (pp)."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 NEW_SETPOINT, RELATIVE, ACKNOWLEDGED, REACHED = 1 << 4, 1 << 6, 1 << 12, 1 << 10
@@ -12,17 +7,17 @@ PP = 1
 
 
 @pytest.fixture
-def acknowledging(scripted: Any) -> Callable[[], list[tuple[int, int]]]:
+def acknowledging(scripted):
     """Has all drives acknowledge, go to the target at once and report it reached.
 
     Returns what node 1 is sent: (controlword, target), each once.
     """
 
-    def begin() -> list[tuple[int, int]]:
-        words: list[tuple[int, int]] = []
+    def begin():
+        words = []
         ends = {drive.node: drive.position for drive in scripted.drives}
 
-        def on_sync(drive: Any, count: int) -> None:
+        def on_sync(drive, count):
             word, target, offset = drive.latched
             drive.bits = ACKNOWLEDGED if word & NEW_SETPOINT else REACHED
             if drive.objects[0x6060, 0] != PP:
@@ -42,11 +37,11 @@ def acknowledging(scripted: Any) -> Callable[[], list[tuple[int, int]]]:
 
 
 @pytest.fixture
-def stuck(scripted: Any) -> Callable[[], None]:
+def stuck(scripted):
     """Has all drives stand where they are, whatever their target, and show neither bit."""
 
-    def begin() -> None:
-        def on_sync(drive: Any, count: int) -> None:
+    def begin():
+        def on_sync(drive, count):
             drive.bits = 0
             drive.latched = (drive.latched[0], drive.position, drive.latched[2])
 

@@ -1,30 +1,24 @@
 """Streams in csp on scripted drives: what is asked of the stage before, and what it is left as."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers.drive import Mode, State
 from drivers.errors import AxisFault, LimitError
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
-from tests.unit.drivers.conftest import ScriptedBus, power_is_off, rest
+from tests.unit.drivers.conftest import power_is_off, rest
 
 
-def test_a_stream_needs_an_enabled_stage(stage: Stage, scripted: Any) -> None:
+def test_a_stream_needs_an_enabled_stage(stage, scripted):
     sent = len(scripted.sent)
     with pytest.raises(AxisFault, match="not enabled"):
         stage.stream(*rest(stage, 3))
     assert not [f for f in scripted.sent[sent:] if f[1] == 0x080]
 
 
-def test_a_stream_in_another_mode_is_refused(
-    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_stream_in_another_mode_is_refused(scripted, bus_settings, axis_settings):
     for drive in scripted.drives:
         drive.objects[0x6502, 0] = 0x1A1 | 0x200  # with csv and cst
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
@@ -37,7 +31,7 @@ def test_a_stream_in_another_mode_is_refused(
         assert len(stage.stream(*rest(stage, 3))) == 3
 
 
-def test_enabling_an_enabled_stage_changes_no_mode(stage: Stage, scripted: Any) -> None:
+def test_enabling_an_enabled_stage_changes_no_mode(stage, scripted):
     stage.enable()
     for drive in scripted.drives:
         drive.writes.clear()
@@ -46,9 +40,7 @@ def test_enabling_an_enabled_stage_changes_no_mode(stage: Stage, scripted: Any) 
     assert all(drive.objects[0x6060, 0] == Mode.CYCLIC_SYNC_POSITION for drive in scripted.drives)
 
 
-def test_a_setpoint_outside_the_travel_is_refused_and_the_stage_stays_enabled(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_setpoint_outside_the_travel_is_refused_and_the_stage_stays_enabled(stage, scripted):
     stage.enable()
     sent = len(scripted.sent)
     position, offset = rest(stage, 3)
@@ -59,11 +51,11 @@ def test_a_setpoint_outside_the_travel_is_refused_and_the_stage_stays_enabled(
     assert stage.enabled
 
 
-def test_a_failure_in_a_stream_stops_all_axes(stage: Stage, scripted: Any) -> None:
+def test_a_failure_in_a_stream_stops_all_axes(stage, scripted):
     stage.enable()
     begun = scripted.drives[0].syncs
 
-    def on_sync(drive: Any, count: int) -> None:
+    def on_sync(drive, count):
         if count == begun + 3:
             drive.state = State.SWITCH_ON_DISABLED
 
@@ -73,9 +65,7 @@ def test_a_failure_in_a_stream_stops_all_axes(stage: Stage, scripted: Any) -> No
     assert power_is_off(scripted)
 
 
-def test_samples_are_in_the_units_of_each_axis(
-    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_samples_are_in_the_units_of_each_axis(scripted, bus_settings, axis_settings):
     coarse = dataclasses.replace(axis_settings[1], increment=1e-8, velocity_unit=1e-9)
     scripted.drives[1].objects[0x60A8, 0] = 0xF8010000
     with Stage.open(bus_settings, (axis_settings[0], coarse), bus_object=scripted) as stage:

@@ -1,16 +1,10 @@
 """Homing: how its statuswords are judged, and how it ends."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers.drive import State
 from drivers.errors import HomingError
 from drivers.motion.homing import Progress, homing_timeout, next_progress
-from drivers.settings import AxisSettings
-from drivers.stage import Stage
 from tests.unit.drivers.conftest import power_is_off
 
 X, Y = 0, 1
@@ -35,21 +29,19 @@ ERROR_MOVING, ERROR_STOPPED = 0x2237, 0x2637
         (ERROR_STOPPED, Progress.WAITING, 0.0, Progress.FAILED),
     ],
 )
-def test_progress_follows_the_statusword(
-    word: int, before: Progress, elapsed: float, after: Progress
-) -> None:
+def test_progress_follows_the_statusword(word, before, elapsed, after):
     assert next_progress(word, before, elapsed) is after
 
 
-def test_the_timeout_covers_the_travel_both_ways(axis_settings: tuple[AxisSettings, ...]) -> None:
+def test_the_timeout_covers_the_travel_both_ways(axis_settings):
     assert homing_timeout(axis_settings[0]) > 2 * 0.3 / 0.002
 
 
-def _homing(outcome: list[int]) -> Any:
+def _homing(outcome):
     """A drive's statusword bits 13, 12, 10 from the SYNC of the start bit on."""
-    steps: list[int] = []
+    steps = []
 
-    def on_sync(drive: Any, count: int) -> None:
+    def on_sync(drive, count):
         if drive.state is State.OPERATION_ENABLED and drive.objects.get((0x6060, 0)) == 6:
             started = drive.controlword & 0x10
             steps.extend(outcome if started and not steps else [])
@@ -58,9 +50,7 @@ def _homing(outcome: list[int]) -> Any:
     return on_sync
 
 
-def test_homing_ends_when_attained_and_reached_and_is_not_repeated(
-    stage: Stage, scripted: Any
-) -> None:
+def test_homing_ends_when_attained_and_reached_and_is_not_repeated(stage, scripted):
     for drive in scripted.drives:
         drive.on_sync = _homing([0x400, 0, 0, 0x1000, 0x1000, 0x1400])
     stage.home()
@@ -78,9 +68,7 @@ def test_homing_ends_when_attained_and_reached_and_is_not_repeated(
         ([0x400], r"did not start within 0.5 s"),
     ],
 )
-def test_homing_failures_are_distinguished(
-    stage: Stage, scripted: Any, outcome: list[int], text: str
-) -> None:
+def test_homing_failures_are_distinguished(stage, scripted, outcome, text):
     scripted.drives[X].on_sync = _homing([0x400, 0, 0x1400])
     scripted.drives[Y].on_sync = _homing(outcome)
     with pytest.raises(
@@ -92,14 +80,12 @@ def test_homing_failures_are_distinguished(
 
 
 @pytest.mark.parametrize("refusing", [X, Y])
-def test_a_mode_that_is_refused_under_power_is_set_without(
-    stage: Stage, scripted: Any, refusing: int
-) -> None:
+def test_a_mode_that_is_refused_under_power_is_set_without(stage, scripted, refusing):
     """0x08000022: not in this state of the device."""
     mode, modes_under_power = (0x6060, 0), []
 
-    def reluctant(homing: Any) -> Any:
-        def on_sync(drive: Any, count: int) -> None:
+    def reluctant(homing):
+        def on_sync(drive, count):
             drive.refuse.pop(mode, None)
             if drive.state is State.OPERATION_ENABLED:
                 drive.refuse[mode] = 0x08000022

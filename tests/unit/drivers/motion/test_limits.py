@@ -1,10 +1,7 @@
 """Setpoints are checked against the limits before anything is sent."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +22,7 @@ from drivers.settings import AxisSettings
 TS = 1e-3
 
 
-def test_setpoints_are_rounded_to_increments_and_permille(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_setpoints_are_rounded_to_increments_and_permille(axis_settings):
     position = np.array([[1.4e-9, -1.6e-9], [2.6e-9, -2.4e-9]])
     offset = np.array([[0.05, -0.1], [-1e9, 1e9]])
     targets, offsets = checked_positions(position, offset, axis_settings, (0, 0), TS)
@@ -35,9 +30,7 @@ def test_setpoints_are_rounded_to_increments_and_permille(
     assert offsets.tolist() == [[1, -2], [-32768, 32767]]
 
 
-def test_the_limits_themselves_are_allowed(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_the_limits_themselves_are_allowed(axis_settings):
     speed = axis_settings[0].velocity
     x = np.minimum(0.145 + np.arange(1, 11) * speed * TS, 0.15)
     position = np.stack([x, np.full(10, -0.15)], axis=1)
@@ -53,16 +46,14 @@ def test_the_limits_themselves_are_allowed(
         (3, 0, 0.00101, r"axis x: 0x607A:00 .*row 3: 1.01 m/s .* exceeds the velocity limit 1 m/s"),
     ],
 )
-def test_the_first_position_outside_the_limits_is_named(
-    axis_settings: tuple[AxisSettings, ...], row: int, axis: int, value: float, text: str
-) -> None:
+def test_the_first_position_outside_the_limits_is_named(axis_settings, row, axis, value, text):
     position = np.zeros((6, 2))
     position[row, axis] = value
     with pytest.raises(LimitError, match=text):
         checked_positions(position, np.zeros((6, 2)), axis_settings, (0, 0), TS)
 
 
-def test_an_offset_that_is_not_finite_is_named(axis_settings: tuple[AxisSettings, ...]) -> None:
+def test_an_offset_that_is_not_finite_is_named(axis_settings):
     offset = np.zeros((3, 2))
     offset[1, 1] = np.nan
     with pytest.raises(LimitError, match=r"axis y: 0x60B2:00 torque offset: row 1: nan N"):
@@ -70,7 +61,7 @@ def test_an_offset_that_is_not_finite_is_named(axis_settings: tuple[AxisSettings
 
 
 @pytest.mark.parametrize("shapes", [((3, 1), (3, 1)), ((3,), (3,)), ((3, 2), (2, 2))])
-def test_wrong_shapes_are_refused(axis_settings: tuple[AxisSettings, ...], shapes: Any) -> None:
+def test_wrong_shapes_are_refused(axis_settings, shapes):
     with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
         checked_positions(np.zeros(shapes[0]), np.zeros(shapes[1]), axis_settings, (0, 0), TS)
 
@@ -78,7 +69,7 @@ def test_wrong_shapes_are_refused(axis_settings: tuple[AxisSettings, ...], shape
 @given(
     st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=8), st.integers(-150_000_000, 150_000_000)
 )
-def test_accepted_positions_are_within_travel_and_velocity(steps: list[float], last: int) -> None:
+def test_accepted_positions_are_within_travel_and_velocity(steps, last):
     from pathlib import Path
 
     axis = AxisSettings(
@@ -93,7 +84,7 @@ def test_accepted_positions_are_within_travel_and_velocity(steps: list[float], l
     assert np.abs(np.diff(targets[:, 0], prepend=last)).max() <= 1_000_002
 
 
-def alone(axis: int, *values: float) -> np.ndarray:
+def alone(axis, *values):
     """Rows of two axes, of which one stays 0."""
     rows = np.zeros((len(values), 2))
     rows[:, axis] = values
@@ -102,9 +93,7 @@ def alone(axis: int, *values: float) -> np.ndarray:
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_position_is_checked_from_the_target_sent_last(
-    axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
-) -> None:
+def test_the_first_position_is_checked_from_the_target_sent_last(axis_settings, axis, sign):
     last = [0, 0]
     last[axis] = sign * 100_000_000
     there = alone(axis, 0.1, 0.1) * sign
@@ -119,9 +108,7 @@ def test_the_first_position_is_checked_from_the_target_sent_last(
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_velocity_is_checked_from_rest(
-    axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
-) -> None:
+def test_the_first_velocity_is_checked_from_rest(axis_settings, axis, sign):
     """0.01 m/s in a SYNC of 1 ms are 10 m/s^2: what follows keeps within that."""
     for values, row, found in (
         ((0.02, 0.01, 0.0), 0, "20"),
@@ -140,9 +127,7 @@ def test_the_first_velocity_is_checked_from_rest(
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_velocity_counts_towards_the_travel(
-    axis_settings: tuple[AxisSettings, ...], sign: int
-) -> None:
+def test_the_first_velocity_counts_towards_the_travel(axis_settings, sign):
     """10 um in a SYNC, from 5 um before the end of the travel."""
     velocity = sign * alone(1, 0.01, 0.0)
     start = (0.0, sign * (0.15 - 5e-6))
@@ -153,9 +138,7 @@ def test_the_first_velocity_counts_towards_the_travel(
 
 @pytest.mark.parametrize(("axis", "limit"), [(0, 120.0), (1, 200.0)])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_force_is_checked_against_the_peak_force(
-    axis_settings: tuple[AxisSettings, ...], axis: int, limit: float, sign: int
-) -> None:
+def test_the_first_force_is_checked_against_the_peak_force(axis_settings, axis, limit, sign):
     allowed = sign * alone(axis, limit, 0.0)
     targets = checked_forces(allowed, axis_settings)
     assert targets[0, axis] == sign * round(limit / axis_settings[axis].rated_force * 1000)
@@ -168,9 +151,7 @@ def test_the_first_force_is_checked_against_the_peak_force(
         checked_forces(allowed[::-1], axis_settings)
 
 
-def test_rounding_alone_exceeds_no_limit(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_rounding_alone_exceeds_no_limit(axis_settings):
     """Half an increment beyond the travel, one and a half beyond the way of a SYNC."""
     for sign in (1, -1):
         end, last = sign * 0.15, (sign * 150_000_000, 0)
@@ -185,9 +166,7 @@ def test_rounding_alone_exceeds_no_limit(
             checked_positions(far, 0 * far, axis_settings, (0, 0), TS)
 
 
-def test_velocities_may_lead_to_the_end_of_the_travel(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_velocities_may_lead_to_the_end_of_the_travel(axis_settings):
     for sign, side in (
         (1, r"0x607D:02 .*above the limit 0\.15"),
         (-1, r"0x607D:01 .*below the limit -0\.15"),
@@ -208,18 +187,14 @@ def test_velocities_may_lead_to_the_end_of_the_travel(
         ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 2: the last setpoint must be 0"),
     ],
 )
-def test_the_first_velocity_outside_the_limits_is_named(
-    axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any, text: str
-) -> None:
+def test_the_first_velocity_outside_the_limits_is_named(axis_settings, velocity, offset, text):
     rows = alone(1, *velocity), alone(1, *offset)
     with pytest.raises(LimitError, match=rf"^axis y: {text}"):
         checked_velocities(*rows, axis_settings, (0.0, 0.0), TS)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_force_that_is_not_finite_is_named(
-    axis_settings: tuple[AxisSettings, ...], value: float
-) -> None:
+def test_a_force_that_is_not_finite_is_named(axis_settings, value):
     with pytest.raises(LimitError, match=rf"^axis y: 0x6071:00 .*row 1: {value} N is not finite"):
         checked_forces(alone(1, 0.0, value, 0.0), axis_settings)
 
@@ -227,23 +202,19 @@ def test_a_force_that_is_not_finite_is_named(
 @pytest.mark.parametrize(
     ("velocity", "offset"), [((3, 1), (3, 1)), ((2,), (2,)), ((3, 2), (2, 2)), ((3, 3), (3, 3))]
 )
-def test_velocities_of_wrong_shape_are_refused(
-    axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any
-) -> None:
+def test_velocities_of_wrong_shape_are_refused(axis_settings, velocity, offset):
     text = f"and their offsets must be [K, 2], are {list(velocity)} and {list(offset)}"
     with pytest.raises(LimitError, match=re.escape(text)):
         checked_velocities(np.zeros(velocity), np.zeros(offset), axis_settings, (0.0, 0.0), TS)
 
 
-def test_forces_of_wrong_shape_are_refused(axis_settings: tuple[AxisSettings, ...]) -> None:
+def test_forces_of_wrong_shape_are_refused(axis_settings):
     for shape in ((3, 1), (2,), (3, 3)):
         with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
             checked_forces(np.zeros(shape), axis_settings)
 
 
-def test_a_profile_may_use_its_limits_and_has_the_right_duration(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_a_profile_may_use_its_limits_and_has_the_right_duration(axis_settings):
     """At 1 m/s and 10 m/s^2: the way at full speed, and 0.1 s for both ramps."""
     x = axis_settings[0]
     assert checked_profile(x, 0.1, [-0.15, 0.15], 1.0, 10.0, False) == [
@@ -266,15 +237,13 @@ def test_a_profile_may_use_its_limits_and_has_the_right_duration(
     ],
 )
 def test_the_target_of_a_profile_outside_the_travel_is_named(
-    axis_settings: tuple[AxisSettings, ...], positions: list[float], relative: bool, text: str
-) -> None:
+    axis_settings, positions, relative, text
+):
     with pytest.raises(LimitError, match=rf"^axis x: {text}"):
         checked_profile(axis_settings[0], 0.0, positions, 1.0, 10.0, relative)
 
 
-def test_a_profile_outside_the_limits_is_named_in_plain_figures(
-    axis_settings: tuple[AxisSettings, ...],
-) -> None:
+def test_a_profile_outside_the_limits_is_named_in_plain_figures(axis_settings):
     """Positions come out of arrays, too."""
     axis = axis_settings[0]
     start, step = np.array([0.1, 0.2])
@@ -295,9 +264,7 @@ def test_a_profile_outside_the_limits_is_named_in_plain_figures(
         (1.0, 10.01, r"0x6083:00 .*: 10\.01 is not in \(0, 10\]"),
     ],
 )
-def test_a_profile_outside_the_limits_is_named(
-    axis_settings: tuple[AxisSettings, ...], velocity: float, acceleration: float, text: str
-) -> None:
+def test_a_profile_outside_the_limits_is_named(axis_settings, velocity, acceleration, text):
     with pytest.raises(LimitError, match=rf"^axis x: {text}"):
         checked_profile(axis_settings[0], 0.0, [0.1], velocity, acceleration, False)
 
@@ -310,8 +277,8 @@ def test_a_profile_outside_the_limits_is_named(
     ],
 )
 def test_a_profile_that_is_nothing_in_the_drives_units_is_refused(
-    axis_settings: tuple[AxisSettings, ...], velocity: float, acceleration: float, line: str
-) -> None:
+    axis_settings, velocity, acceleration, line
+):
     coarse = dataclasses.replace(axis_settings[0], velocity_unit=1e-3, acceleration_unit=1e-2)
     check_profile(coarse, 0.6e-3, 0.006)
     with pytest.raises(LimitError, match=f"^axis x: {re.escape(line)}$"):

@@ -1,14 +1,9 @@
 """Fault resets on a scripted bus: those that succeed and those that do not."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers.drive import State
 from drivers.errors import AxisFault
-from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
@@ -18,10 +13,8 @@ CONTROLWORD, HEARTBEAT = 0x6040, 0x77F
 
 
 @pytest.mark.parametrize("axis", [X, Y])
-def test_an_axis_that_does_not_come_to_power_is_named(
-    stage: Stage, scripted: Any, axis: int
-) -> None:
-    def stays_behind(drive: Any, count: int) -> None:
+def test_an_axis_that_does_not_come_to_power_is_named(stage, scripted, axis):
+    def stays_behind(drive, count):
         if drive.state is State.SWITCHED_ON:
             drive.state = State.READY_TO_SWITCH_ON
 
@@ -38,22 +31,20 @@ def test_an_axis_that_does_not_come_to_power_is_named(
 
 
 @pytest.mark.parametrize("axis", [X, Y])
-def test_an_axis_that_sends_nothing_does_not_come_to_power(
-    stage: Stage, scripted: Any, axis: int
-) -> None:
+def test_an_axis_that_sends_nothing_does_not_come_to_power(stage, scripted, axis):
     scripted.drives[axis].mute_tpdo = 1_000_000
     with pytest.raises(AxisFault, match=rf"^axis {'xy'[axis]}: .*no process data"):
         stage.enable()
     assert scripted.drives[1 - axis].state is State.SWITCH_ON_DISABLED
 
 
-def test_a_quick_stop_takes_the_force_offsets_away(stage: Stage, scripted: Any) -> None:
+def test_a_quick_stop_takes_the_force_offsets_away(stage, scripted):
     stage.enable()
     position, offset = rest(stage, 3)
     stage.stream(position, offset + 4.0)
     offsets = []
 
-    def look(drive: Any, count: int) -> None:
+    def look(drive, count):
         if drive.latched[0] == QUICK_STOP:
             offsets.append(drive.latched[2])
 
@@ -63,14 +54,14 @@ def test_a_quick_stop_takes_the_force_offsets_away(stage: Stage, scripted: Any) 
     assert set(offsets) == {0}
 
 
-def in_fault(scripted: Any) -> Any:
+def in_fault(scripted):
     """Axis y in fault."""
     drive = scripted.drives[Y]
     drive.state = State.FAULT
     return drive
 
 
-def test_a_reset_without_a_fault_takes_a_few_syncs(stage: Stage, scripted: Any) -> None:
+def test_a_reset_without_a_fault_takes_a_few_syncs(stage, scripted):
     begin = scripted.clock.now
     stage.reset_faults()
     assert scripted.clock.now - begin < 500e6
@@ -78,11 +69,11 @@ def test_a_reset_without_a_fault_takes_a_few_syncs(stage: Stage, scripted: Any) 
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_a_fault_reset_clears_its_bit(stage: Stage, scripted: Any, at_once: bool) -> None:
+def test_a_fault_reset_clears_its_bit(stage, scripted, at_once):
     """Whether the drive shows its new state at the same SYNC or at the next one."""
     drive = in_fault(scripted)
 
-    def takes_it_at_once(d: Any, count: int) -> None:
+    def takes_it_at_once(d, count):
         if at_once and d.latched[0] & RESET:
             d.state = State.SWITCH_ON_DISABLED
 
@@ -95,10 +86,10 @@ def test_a_fault_reset_clears_its_bit(stage: Stage, scripted: Any, at_once: bool
     stage.enable()
 
 
-def test_a_fault_that_recurs_is_reset_by_another_edge(stage: Stage, scripted: Any) -> None:
+def test_a_fault_that_recurs_is_reset_by_another_edge(stage, scripted):
     drive = in_fault(scripted)
 
-    def again(d: Any, count: int) -> None:
+    def again(d, count):
         if count - begin < 10:
             d.state = State.FAULT
 
@@ -107,7 +98,7 @@ def test_a_fault_that_recurs_is_reset_by_another_edge(stage: Stage, scripted: An
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_emergencies_during_a_fault_reset_are_cleared(stage: Stage, scripted: Any) -> None:
+def test_emergencies_during_a_fault_reset_are_cleared(stage, scripted):
     drive = in_fault(scripted)
     drive.on_sync = lambda d, n: d.emergency(0x3210) if d.state is State.FAULT else None
     stage.reset_faults()
@@ -115,10 +106,10 @@ def test_emergencies_during_a_fault_reset_are_cleared(stage: Stage, scripted: An
     assert stage.enabled
 
 
-def test_a_fault_that_stays_is_named_with_its_cause(stage: Stage, scripted: Any) -> None:
+def test_a_fault_that_stays_is_named_with_its_cause(stage, scripted):
     drive = in_fault(scripted)
 
-    def stays(d: Any, count: int) -> None:
+    def stays(d, count):
         d.state = State.FAULT
         d.emergency(0x3210)
 
@@ -132,7 +123,7 @@ def test_a_fault_that_stays_is_named_with_its_cause(stage: Stage, scripted: Any)
     assert caught.value.code == 0x3210
 
 
-def test_a_silent_axis_is_named_and_the_other_one_is_reset(stage: Stage, scripted: Any) -> None:
+def test_a_silent_axis_is_named_and_the_other_one_is_reset(stage, scripted):
     scripted.drives[X].mute_tpdo = 1_000_000
     drive = in_fault(scripted)
     with pytest.raises(
@@ -142,7 +133,7 @@ def test_a_silent_axis_is_named_and_the_other_one_is_reset(stage: Stage, scripte
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_an_axis_that_answers_late_is_waited_for(stage: Stage, scripted: Any) -> None:
+def test_an_axis_that_answers_late_is_waited_for(stage, scripted):
     scripted.drives[Y].mute_tpdo = 100
     drive = in_fault(scripted)
     stage.reset_faults()
@@ -150,11 +141,11 @@ def test_an_axis_that_answers_late_is_waited_for(stage: Stage, scripted: Any) ->
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_an_emergency_does_not_break_off_a_quick_stop(stage: Stage, scripted: Any) -> None:
+def test_an_emergency_does_not_break_off_a_quick_stop(stage, scripted):
     stage.enable()
     words = []
 
-    def shouts(drive: Any, count: int) -> None:
+    def shouts(drive, count):
         words.append(drive.latched[0])
         if drive.latched[0] == QUICK_STOP:
             drive.emergency(0x2310)
@@ -165,12 +156,12 @@ def test_an_emergency_does_not_break_off_a_quick_stop(stage: Stage, scripted: An
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_power_stays_on_while_a_quick_stop_brakes(stage: Stage, scripted: Any) -> None:
+def test_power_stays_on_while_a_quick_stop_brakes(stage, scripted):
     """Drives with option codes 5 to 8 stay in QUICK STOP ACTIVE: standing still is the end."""
     stage.enable()
     moving = []
 
-    def brakes(drive: Any, count: int) -> None:
+    def brakes(drive, count):
         if drive.state is State.QUICK_STOP_ACTIVE and len(moving) < 250:
             moving.append(drive.latched[0])
             drive.position += 1000
@@ -185,14 +176,12 @@ def test_power_stays_on_while_a_quick_stop_brakes(stage: Stage, scripted: Any) -
     assert len(beats) >= 2  # they obey, so they need not lose our heartbeat
 
 
-def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(
-    stage: Stage, scripted: Any
-) -> None:
+def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(stage, scripted):
     stage.enable()
     x, y = scripted.drives
     begin, first = scripted.clock.now, len(scripted.sent)
 
-    def goes_on(drive: Any, count: int) -> None:
+    def goes_on(drive, count):
         if scripted.clock.now < begin + 500_000_000:
             drive.state = State.OPERATION_ENABLED
 
@@ -213,14 +202,14 @@ def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(
     assert len([i for _, i, _ in scripted.sent[first:] if i == HEARTBEAT]) >= 3
 
 
-def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage: Stage, scripted: Any) -> None:
+def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage, scripted):
     """And the other one, which stands still in QUICK STOP ACTIVE, is not blamed for it."""
     stage.enable()
     scripted.drives[X].mute_tpdo = 1_000_000
     begin = scripted.clock.now
     stops = []
 
-    def look(drive: Any, count: int) -> None:
+    def look(drive, count):
         if drive.latched[0] == QUICK_STOP:
             stops.append(scripted.clock.now)
 
@@ -230,11 +219,11 @@ def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage: Stage, scripted
     assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
 
 
-def test_an_emergency_on_the_way_to_power_ends_it(stage: Stage, scripted: Any) -> None:
+def test_an_emergency_on_the_way_to_power_ends_it(stage, scripted):
     """Also where the drive goes on as if nothing had been."""
     drive = scripted.drives[Y]
 
-    def shouts(d: Any, count: int) -> None:
+    def shouts(d, count):
         if d.state is State.SWITCHED_ON:
             d.emergency(0x3210)
 
@@ -245,12 +234,10 @@ def test_an_emergency_on_the_way_to_power_ends_it(stage: Stage, scripted: Any) -
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_drive_that_refuses_a_word_by_sdo_does_not_keep_it_from_the_other(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_drive_that_refuses_a_word_by_sdo_does_not_keep_it_from_the_other(stage, scripted):
     stage.enable()
 
-    def goes_on(drive: Any, count: int) -> None:
+    def goes_on(drive, count):
         drive.state = State.OPERATION_ENABLED
 
     for drive in scripted.drives:

@@ -1,28 +1,20 @@
 """Moves in profile position on scripted drives, and the way back to csp."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 from drivers.drive import Control, Mode
 from drivers.errors import AxisFault, ConfigurationError, LimitError
-from drivers.stage import Stage
 
 Words = list[tuple[int, int]]
 
 
 @pytest.fixture
-def enabled(stage: Stage, acknowledging: Callable[[], Words]) -> Stage:
+def enabled(stage, acknowledging):
     stage.enable()
     return stage
 
 
-def test_a_move_ends_enabled_in_csp_with_the_target_held(
-    enabled: Stage, scripted: Any, acknowledging: Callable[[], Words]
-) -> None:
+def test_a_move_ends_enabled_in_csp_with_the_target_held(enabled, scripted, acknowledging):
     acknowledging()
     for drive in scripted.drives:
         drive.writes.clear()
@@ -35,9 +27,7 @@ def test_a_move_ends_enabled_in_csp_with_the_target_held(
     assert enabled.targets[1] == pytest.approx(1.234e-6)
 
 
-def test_only_the_first_of_several_targets_takes_effect_at_once(
-    enabled: Stage, acknowledging: Callable[[], Words]
-) -> None:
+def test_only_the_first_of_several_targets_takes_effect_at_once(enabled, acknowledging):
     words = acknowledging()
     enabled.move_to("x", [1e-3, 2e-3, 3e-3], 0.1, 1.0)
     edges = [(word, target) for word, target in words if word & Control.NEW_SETPOINT]
@@ -46,8 +36,8 @@ def test_only_the_first_of_several_targets_takes_effect_at_once(
 
 
 def test_after_relative_targets_csp_gets_a_position_not_a_distance(
-    enabled: Stage, scripted: Any, acknowledging: Callable[[], Words]
-) -> None:
+    enabled, scripted, acknowledging
+):
     words = acknowledging()
     enabled.move_to("x", 1e-3, 0.1, 1.0, relative=True)
     ((word, distance),) = [w for w in words if w[0] & Control.NEW_SETPOINT]
@@ -58,9 +48,7 @@ def test_after_relative_targets_csp_gets_a_position_not_a_distance(
 @pytest.mark.parametrize(
     ("position", "velocity", "acceleration"), [(0.2, 0.1, 1.0), (0.1, 2.0, 1.0), (0.1, 0.1, 99.0)]
 )
-def test_outside_the_limits_nothing_is_sent(
-    enabled: Stage, scripted: Any, position: float, velocity: float, acceleration: float
-) -> None:
+def test_outside_the_limits_nothing_is_sent(enabled, scripted, position, velocity, acceleration):
     sent = len(scripted.sent)
     with pytest.raises(LimitError, match=r"^axis x: "):
         enabled.move_to("x", position, velocity, acceleration)
@@ -68,7 +56,7 @@ def test_outside_the_limits_nothing_is_sent(
     assert enabled.enabled
 
 
-def test_moves_need_an_enabled_stage_and_drives_that_offer_pp(stage: Stage, scripted: Any) -> None:
+def test_moves_need_an_enabled_stage_and_drives_that_offer_pp(stage, scripted):
     with pytest.raises(AxisFault, match="not enabled"), stage.profile_moves(0.1, 1.0):
         pass
     stage.enable()

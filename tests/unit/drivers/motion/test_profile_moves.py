@@ -1,45 +1,35 @@
 """Redirected moves on scripted drives: which bits, what is refused, and where targets end."""
 
-from __future__ import annotations
-
 import dataclasses
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from drivers.drive import Control
 from drivers.errors import AxisFault, ConfigurationError, LimitError
-from drivers.motion.profile_moves import ProfileMoves
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
-from tests.unit.drivers.conftest import ScriptedBus
 
 Words = list[tuple[int, int]]
 
 
 @pytest.fixture
-def words(stage: Stage, acknowledging: Callable[[], Words]) -> Words:
+def words(stage, acknowledging):
     stage.enable()
     return acknowledging()
 
 
 @pytest.fixture
-def moves(stage: Stage, words: Words) -> Iterator[ProfileMoves]:
+def moves(stage, words):
     with stage.profile_moves(0.1, 1.0) as moves:
         yield moves
 
 
-def edges(words: Words) -> list[tuple[int, int]]:
+def edges(words):
     """Targets, and bits 5, 6 and 9, of every rising edge of bit 4."""
     bits = int(Control.CHANGE_IMMEDIATELY | Control.RELATIVE | Control.CHANGE_ON_SETPOINT)
     return [(target, word & bits) for word, target in words if word & Control.NEW_SETPOINT]
 
 
-def test_the_first_target_takes_effect_at_once_even_if_queued(
-    moves: ProfileMoves, words: Words
-) -> None:
+def test_the_first_target_takes_effect_at_once_even_if_queued(moves, words):
     moves.to("x", 1e-3, queued=True)
     moves.to("x", 2e-3, queued=True)
     moves.to("x", 3e-3, passing=True)
@@ -50,7 +40,7 @@ def test_the_first_target_takes_effect_at_once_even_if_queued(
     ]  # fmt: skip
 
 
-def test_relative_targets_count_from_the_previous_one(moves: ProfileMoves, words: Words) -> None:
+def test_relative_targets_count_from_the_previous_one(moves, words):
     moves.to("x", 1e-3)
     moves.to("x", 0.5e-3, relative=True)
     assert edges(words)[-1] == (
@@ -71,12 +61,8 @@ PDOMapping=0
 
 
 def test_a_drive_that_counts_relative_targets_from_elsewhere_is_refused(
-    scripted: ScriptedBus,
-    bus_settings: BusSettings,
-    axis_settings: tuple[AxisSettings, ...],
-    acknowledging: Callable[[], Words],
-    tmp_path: Path,
-) -> None:
+    scripted, bus_settings, axis_settings, acknowledging, tmp_path
+):
     eds = tmp_path / "drive.eds"
     eds.write_text(axis_settings[0].eds.read_text() + POSITIONING_OPTION)
     axes = tuple(dataclasses.replace(axis, eds=eds) for axis in axis_settings)
@@ -98,12 +84,12 @@ def test_a_drive_that_counts_relative_targets_from_elsewhere_is_refused(
         assert len(edges(words)) == 1
 
 
-def test_an_unknown_axis_is_named_with_those_there_are(moves: ProfileMoves) -> None:
+def test_an_unknown_axis_is_named_with_those_there_are(moves):
     with pytest.raises(ConfigurationError, match=r"^axis q: no such axis \(there are x, y\)"):
         moves.to("q", 0.0)
 
 
-def test_the_profile_is_written_only_where_it_changes(moves: ProfileMoves, scripted: Any) -> None:
+def test_the_profile_is_written_only_where_it_changes(moves, scripted):
     moves.to("x", 1e-3)
     drive = scripted.drives[0]
     drive.writes.clear()
@@ -113,7 +99,7 @@ def test_the_profile_is_written_only_where_it_changes(moves: ProfileMoves, scrip
     assert [i for i, _, _ in drive.writes if i in (0x6081, 0x6083)] == [0x6081]
 
 
-def test_a_halted_move_cannot_be_waited_for(moves: ProfileMoves, scripted: Any) -> None:
+def test_a_halted_move_cannot_be_waited_for(moves, scripted):
     moves.to("x", 1e-3)
     for drive in scripted.drives:
         drive.on_sync = lambda drive, count: setattr(drive, "bits", 0)  # under way
@@ -123,7 +109,7 @@ def test_a_halted_move_cannot_be_waited_for(moves: ProfileMoves, scripted: Any) 
     assert moves.halted
 
 
-def test_halt_sets_bit_8_on_all_axes_until_resume(moves: ProfileMoves, scripted: Any) -> None:
+def test_halt_sets_bit_8_on_all_axes_until_resume(moves, scripted):
     moves.to("x", 1e-3)
     moves.halt()
     assert all(d.latched[0] & Control.HALT for d in scripted.drives)
@@ -132,10 +118,8 @@ def test_halt_sets_bit_8_on_all_axes_until_resume(moves: ProfileMoves, scripted:
     assert not moves.halted
 
 
-def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(
-    moves: ProfileMoves, scripted: Any
-) -> None:
-    def on_sync(drive: Any, count: int) -> None:
+def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(moves, scripted):
+    def on_sync(drive, count):
         word, _, offset = drive.latched
         drive.bits = 1 << 12 if word & Control.NEW_SETPOINT else 0
         drive.latched = (word, 1234, offset)
@@ -151,9 +135,7 @@ def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(
     moves.halt()  # so that the end of the block does not wait again
 
 
-def test_the_end_of_the_block_sets_csps_target_to_where_the_axis_ends(
-    stage: Stage, words: Words
-) -> None:
+def test_the_end_of_the_block_sets_csps_target_to_where_the_axis_ends(stage, words):
     with stage.profile_moves(0.1, 1.0) as moves:
         moves.to("x", 1e-3)
         moves.to("x", 1e-3, relative=True)

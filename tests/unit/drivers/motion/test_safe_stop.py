@@ -1,15 +1,11 @@
 """Safe stops on a scripted bus: when they are sent, and for how long they are repeated."""
 
-from __future__ import annotations
-
 import dataclasses
-from typing import Any
 
 import pytest
 
 from drivers.drive import State, decode
 from drivers.errors import AxisFault
-from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
@@ -17,11 +13,11 @@ X, Y = 0, 1
 QUICK_STOP = 0x02
 
 
-def test_a_stop_shows_until_the_next_boot(stage: Stage, scripted: Any) -> None:
+def test_a_stop_shows_until_the_next_boot(stage, scripted):
     stage.enable()
     said = []
 
-    def look(drive: Any, count: int) -> None:
+    def look(drive, count):
         if drive.latched[0] & 0xF == QUICK_STOP:
             said.append(stage.ending)
 
@@ -35,9 +31,7 @@ def test_a_stop_shows_until_the_next_boot(stage: Stage, scripted: Any) -> None:
     assert not stage.ending
 
 
-def test_drives_that_have_booted_are_stopped_before_the_first_sync(
-    stage: Stage, scripted: Any
-) -> None:
+def test_drives_that_have_booted_are_stopped_before_the_first_sync(stage, scripted):
     """They may have been enabled by another host: a stop is for all that may be under power."""
     for drive in scripted.drives:
         drive.state = State.OPERATION_ENABLED
@@ -45,9 +39,7 @@ def test_drives_that_have_booted_are_stopped_before_the_first_sync(
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(scripted, bus_settings, axis_settings):
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         before, begin = len(scripted.sent), scripted.clock.now
         assert not stage.ending
@@ -57,8 +49,8 @@ def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(
 
 
 def test_the_slowest_axis_determines_how_long_a_stop_may_take(
-    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
-) -> None:
+    scripted, bus_settings, axis_settings
+):
     """1 m/s at 1 m/s^2 is 1 s, and 0.5 s to react."""
     x, y = axis_settings
     axes = (x, dataclasses.replace(y, acceleration=1.0))
@@ -66,7 +58,7 @@ def test_the_slowest_axis_determines_how_long_a_stop_may_take(
         stage.boot()
         stage.enable()
 
-        def goes_on(drive: Any, count: int) -> None:
+        def goes_on(drive, count):
             drive.state = State.OPERATION_ENABLED
 
         scripted.drives[X].on_sync = goes_on
@@ -76,13 +68,11 @@ def test_the_slowest_axis_determines_how_long_a_stop_may_take(
 
 
 @pytest.mark.parametrize("axis", [None, "z"])
-def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(
-    stage: Stage, scripted: Any, axis: str | None
-) -> None:
+def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(stage, scripted, axis):
     stage.enable()
     problem = AxisFault("thermal fuse", axis=axis)
 
-    def until(position: tuple[float, ...]) -> bool:
+    def until(position):
         raise problem
 
     with pytest.raises(AxisFault, match="thermal fuse") as caught:
@@ -91,10 +81,10 @@ def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_fault_names_the_commands_before_the_stop(stage: Stage, scripted: Any) -> None:
+def test_a_fault_names_the_commands_before_the_stop(stage, scripted):
     stage.enable()
 
-    def falls_out(drive: Any, count: int) -> None:
+    def falls_out(drive, count):
         if drive.latched[0] & 0xF == 0xF:
             drive.state = State.SWITCHED_ON
 
@@ -108,12 +98,12 @@ def test_a_fault_names_the_commands_before_the_stop(stage: Stage, scripted: Any)
     assert decode(caught.value.report.evidence.statusword) is State.SWITCHED_ON
 
 
-def controlwords(drive: Any) -> list[int]:
+def controlwords(drive):
     """What was written to 0x6040 by SDO."""
     return [value for index, _, value in drive.writes if index == 0x6040]
 
 
-def test_a_stop_that_gets_through_is_one(stage: Stage, scripted: Any) -> None:
+def test_a_stop_that_gets_through_is_one(stage, scripted):
     stage.enable()
     begin = scripted.clock.now
     stage.safe_stop()
@@ -123,7 +113,7 @@ def test_a_stop_that_gets_through_is_one(stage: Stage, scripted: Any) -> None:
 
 
 @pytest.mark.parametrize("away", [0.0, 0.3, 0.55])
-def test_a_bus_that_refuses_frames_is_tried_again(stage: Stage, scripted: Any, away: float) -> None:
+def test_a_bus_that_refuses_frames_is_tried_again(stage, scripted, away):
     stage.enable()
     begin = scripted.clock.now
     scripted.broken, scripted.mended_at = "bus-off", begin + away * 1e9
@@ -132,9 +122,7 @@ def test_a_bus_that_refuses_frames_is_tried_again(stage: Stage, scripted: Any, a
     assert scripted.clock.now - begin < (away + 0.05) * 1e9  # every 10 ms
 
 
-def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(stage, scripted):
     stage.enable()
     scripted.broken = "bus-off"
     begin = scripted.clock.now
@@ -142,11 +130,11 @@ def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(
     assert 0.6e9 <= scripted.clock.now - begin < 0.62e9
 
 
-def test_a_drive_that_does_not_stop_is_told_once_by_each_word(stage: Stage, scripted: Any) -> None:
+def test_a_drive_that_does_not_stop_is_told_once_by_each_word(stage, scripted):
     """Quick stop while its process data are of no use, then both words; not again and again."""
     stage.enable()
 
-    def goes_on(drive: Any, count: int) -> None:
+    def goes_on(drive, count):
         drive.state = State.OPERATION_ENABLED
 
     x, y = scripted.drives
@@ -156,13 +144,13 @@ def test_a_drive_that_does_not_stop_is_told_once_by_each_word(stage: Stage, scri
     assert controlwords(y) == [QUICK_STOP, 0]
 
 
-def test_closing_takes_force_offsets_back_before_power_off(stage: Stage, scripted: Any) -> None:
+def test_closing_takes_force_offsets_back_before_power_off(stage, scripted):
     stage.enable()
     position, offset = rest(stage, 3)
     stage.stream(position, offset + 4.0)
     offsets = []
 
-    def look(drive: Any, count: int) -> None:
+    def look(drive, count):
         if drive.latched[0] & 0xF == 0xF:
             offsets.append(drive.latched[2])
 

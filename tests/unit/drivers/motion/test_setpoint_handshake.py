@@ -1,15 +1,9 @@
 """The setpoint handshake on scripted drives: the order of bits, and drives that leave some out."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
 from drivers.drive import Control, State
 from drivers.errors import AxisFault
-from drivers.stage import Stage
 
 ENABLED, NOW, NEW = 0x0F, int(Control.CHANGE_IMMEDIATELY), int(Control.NEW_SETPOINT)
 START = 1234
@@ -17,14 +11,12 @@ Words = list[tuple[int, int]]
 
 
 @pytest.fixture
-def enabled(stage: Stage) -> Stage:
+def enabled(stage):
     stage.enable()
     return stage
 
 
-def test_the_target_and_bit_5_are_there_before_bit_4_rises(
-    enabled: Stage, acknowledging: Callable[[], Words]
-) -> None:
+def test_the_target_and_bit_5_are_there_before_bit_4_rises(enabled, acknowledging):
     words = acknowledging()
     enabled.move_to("x", 1e-3, 0.1, 1.0)
     first = words.index((ENABLED | NOW, 1_000_000))
@@ -35,10 +27,8 @@ def test_the_target_and_bit_5_are_there_before_bit_4_rises(
     ]
 
 
-def test_a_drive_that_moves_without_acknowledging_is_a_limitation(
-    enabled: Stage, scripted: Any
-) -> None:
-    def on_sync(drive: Any, count: int) -> None:
+def test_a_drive_that_moves_without_acknowledging_is_a_limitation(enabled, scripted):
+    def on_sync(drive, count):
         drive.bits = 1 << 10
 
     for drive in scripted.drives:
@@ -50,9 +40,7 @@ def test_a_drive_that_moves_without_acknowledging_is_a_limitation(
     ]
 
 
-def test_a_drive_that_neither_acknowledges_nor_moves_has_not_taken_the_target(
-    enabled: Stage, stuck: Callable[[], None]
-) -> None:
+def test_a_drive_that_neither_acknowledges_nor_moves_has_not_taken_the_target(enabled, stuck):
     stuck()
     with pytest.raises(
         AxisFault,
@@ -63,8 +51,8 @@ def test_a_drive_that_neither_acknowledges_nor_moves_has_not_taken_the_target(
     assert not enabled.enabled
 
 
-def test_a_drive_that_keeps_bit_12_is_not_ready_for_a_target(enabled: Stage, scripted: Any) -> None:
-    def on_sync(drive: Any, count: int) -> None:
+def test_a_drive_that_keeps_bit_12_is_not_ready_for_a_target(enabled, scripted):
+    def on_sync(drive, count):
         drive.bits = 1 << 12
 
     scripted.drives[0].on_sync = on_sync
@@ -72,10 +60,8 @@ def test_a_drive_that_keeps_bit_12_is_not_ready_for_a_target(enabled: Stage, scr
         enabled.move_to("x", 1e-3, 0.1, 1.0)
 
 
-def test_a_target_that_is_acknowledged_and_not_reached_in_time(
-    enabled: Stage, scripted: Any
-) -> None:
-    def on_sync(drive: Any, count: int) -> None:
+def test_a_target_that_is_acknowledged_and_not_reached_in_time(enabled, scripted):
+    def on_sync(drive, count):
         word, _, offset = drive.latched
         drive.bits = 1 << 12 if word & NEW else 0
         drive.latched = (word, START, offset)
@@ -85,11 +71,11 @@ def test_a_target_that_is_acknowledged_and_not_reached_in_time(
         enabled.move_to("x", 1e-3, 0.1, 1.0)
 
 
-def test_bit_10_of_the_previous_target_does_not_count(enabled: Stage, scripted: Any) -> None:
+def test_bit_10_of_the_previous_target_does_not_count(enabled, scripted):
     """Set all along, it counts only once the axis is at its target."""
-    seen: list[int] = []
+    seen = []
 
-    def on_sync(drive: Any, count: int) -> None:
+    def on_sync(drive, count):
         word, target, offset = drive.latched
         drive.bits = 1 << 12 if word & NEW else 1 << 10
         if target == 1_000_000 and drive.position != target and len(seen) < 300:
@@ -102,8 +88,8 @@ def test_bit_10_of_the_previous_target_does_not_count(enabled: Stage, scripted: 
     assert enabled.positions[0] == pytest.approx(1e-3)
 
 
-def test_a_fault_meanwhile_is_named(enabled: Stage, scripted: Any) -> None:
-    def on_sync(drive: Any, count: int) -> None:
+def test_a_fault_meanwhile_is_named(enabled, scripted):
+    def on_sync(drive, count):
         if drive.latched[0] & NEW:
             drive.state = State.SWITCH_ON_DISABLED
 

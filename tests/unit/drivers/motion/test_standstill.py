@@ -1,21 +1,16 @@
 """Halts on a scripted bus: those that succeed and those that do not."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from drivers.drive import State
 from drivers.errors import AxisFault
-from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
 HALT = 0x0100
 
 
-def test_a_halt_removes_the_force_offsets_and_clears_its_bit(stage: Stage, scripted: Any) -> None:
+def test_a_halt_removes_the_force_offsets_and_clears_its_bit(stage, scripted):
     stage.enable()
     position, offset = rest(stage, 3)
     stage.stream(position, offset + 4.0)
@@ -30,12 +25,10 @@ def test_a_halt_removes_the_force_offsets_and_clears_its_bit(stage: Stage, scrip
 
 
 @pytest.mark.parametrize("axis", [X, Y])
-def test_a_halt_that_does_not_come_to_rest_names_the_axis_that_moves(
-    stage: Stage, scripted: Any, axis: int
-) -> None:
+def test_a_halt_that_does_not_come_to_rest_names_the_axis_that_moves(stage, scripted, axis):
     stage.enable()
 
-    def creeps(drive: Any, count: int) -> None:
+    def creeps(drive, count):
         drive.position = 5 * count  # 5 um/s: 100 nm over the SYNCs that are looked at
 
     scripted.drives[axis].on_sync = creeps
@@ -46,10 +39,10 @@ def test_a_halt_that_does_not_come_to_rest_names_the_axis_that_moves(
     assert not stage.enabled
 
 
-def test_an_axis_that_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: Any) -> None:
+def test_an_axis_that_trembles_within_the_rest_band_is_at_rest(stage, scripted):
     stage.enable()
 
-    def trembles(drive: Any, count: int) -> None:
+    def trembles(drive, count):
         drive.position = 45 * (count % 2)  # nm
 
     scripted.drives[Y].on_sync = trembles
@@ -58,12 +51,10 @@ def test_an_axis_that_trembles_within_the_rest_band_is_at_rest(stage: Stage, scr
 
 
 @pytest.mark.parametrize("state", [State.FAULT, State.QUICK_STOP_ACTIVE, State.SWITCHED_ON])
-def test_an_axis_that_leaves_operation_enabled_during_a_halt_is_named(
-    stage: Stage, scripted: Any, state: State
-) -> None:
+def test_an_axis_that_leaves_operation_enabled_during_a_halt_is_named(stage, scripted, state):
     stage.enable()
 
-    def leaves(drive: Any, count: int) -> None:
+    def leaves(drive, count):
         if drive.latched[0] & HALT:
             drive.state = state
 
@@ -74,10 +65,10 @@ def test_an_axis_that_leaves_operation_enabled_during_a_halt_is_named(
     assert scripted.drives[X].state is State.SWITCH_ON_DISABLED
 
 
-def test_a_halt_waits_for_an_axis_that_brakes(stage: Stage, scripted: Any) -> None:
+def test_a_halt_waits_for_an_axis_that_brakes(stage, scripted):
     stage.enable()
 
-    def brakes(drive: Any, count: int) -> None:
+    def brakes(drive, count):
         drive.position = min(1000 * (count - begin), 100_000)
 
     begin, scripted.drives[Y].on_sync = scripted.drives[Y].syncs, brakes

@@ -1,20 +1,16 @@
 """Deviations from CiA 301 are found and named."""
 
-from __future__ import annotations
-
 import struct
-from collections.abc import Callable
 
-from drivers.commissioning.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Verdict, run
 from hil_sim.cia301 import key
-from stagectl.config.machine import Machine
 from tests.unit.drivers.commissioning.conftest import failures, network, world_of
 
 
-def _abort(index: int, sub: int, code: int) -> Callable[[int, bytes], bytes]:
+def _abort(index, sub, code):
     """Every abort of this object carries another code."""
 
-    def alter(can_id: int, data: bytes) -> bytes:
+    def alter(can_id, data):
         if can_id == 0x581 and data[:4] == struct.pack("<BHB", 0x80, index, sub):
             return data[:4] + struct.pack("<I", code)
         return data
@@ -22,7 +18,7 @@ def _abort(index: int, sub: int, code: int) -> Callable[[int, bytes], bytes]:
     return alter
 
 
-def test_another_abort_code_differs_and_is_named(machine: Machine) -> None:
+def test_another_abort_code_differs_and_is_named(machine):
     with network(machine, _abort(0x1A00, 0, 0x08000000)) as (bus, _):
         findings = run(bus, 1, power=False)
     (found,) = [f for f in findings if f.name == "mapping while the PDO is valid"]
@@ -31,14 +27,14 @@ def test_another_abort_code_differs_and_is_named(machine: Machine) -> None:
     assert not [f for f in findings if f.verdict is Verdict.FAIL]
 
 
-def test_a_drive_that_maps_while_the_pdo_is_valid(machine: Machine) -> None:
+def test_a_drive_that_maps_while_the_pdo_is_valid(machine):
     with network(machine) as (bus, stage):
         del stage.drives[0].dictionary.check[key(0x1A00)]
         findings = run(bus, 1, power=False)
     assert {"mapping while the PDO is valid", "more than 64 bits"} <= failures(findings)
 
 
-def test_missing_heartbeats_and_emergencies_are_found(machine: Machine) -> None:
+def test_missing_heartbeats_and_emergencies_are_found(machine):
     with network(machine, lambda i, d: None if i in (0x701, 0x081) else d) as (bus, _):
         findings = run(bus, 1)
     failed = failures(findings)
@@ -47,11 +43,11 @@ def test_missing_heartbeats_and_emergencies_are_found(machine: Machine) -> None:
     assert "the rising edge of bit 7 does (transition 15)" not in failed
 
 
-def test_a_synchronous_rpdo_that_takes_effect_on_arrival_is_found(machine: Machine) -> None:
+def test_a_synchronous_rpdo_that_takes_effect_on_arrival_is_found(machine):
     with network(machine) as (bus, stage):
         world = world_of(bus)
 
-        def hasty(found: Finding) -> None:
+        def hasty(found):
             if found.name.startswith("type 3"):  # what comes next is the RPDO
                 world.subscribe(0x201, lambda _: world.at(world.now_ns, stage.drives[0].pdo.latch))
 

@@ -1,20 +1,17 @@
 """All groups on one node: the virtual drive passes, is left as found, and is not moved."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
 
-from drivers.commissioning.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Verdict, run
 from drivers.errors import NodeError
 from hil_sim.cia301 import key
-from stagectl.config.machine import Machine
 from tests.unit.drivers.commissioning.conftest import network
 
 
-def test_the_virtual_drive_passes_all_checks(machine: Machine) -> None:
-    reported: list[Finding] = []
+def test_the_virtual_drive_passes_all_checks(machine):
+    reported = []
     with network(machine) as (bus, stage):
         before = [dict(d.dictionary.values) for d in stage.drives]
         findings = run(bus, 1, homing=True, on_finding=reported.append)
@@ -29,7 +26,7 @@ def test_the_virtual_drive_passes_all_checks(machine: Machine) -> None:
         assert {k: v for k, v in new.items() if old[k] != v and k not in own} == {}
 
 
-def test_the_axis_is_not_moved(machine: Machine) -> None:
+def test_the_axis_is_not_moved(machine):
     with network(machine) as (bus, stage):
         before = stage.plant.encoder(0)
         seen = []
@@ -37,10 +34,10 @@ def test_the_axis_is_not_moved(machine: Machine) -> None:
     assert max(abs(x - before) for x in seen) < 2_000  # nm: it rings on its friction when enabled
 
 
-def test_without_power_the_axis_is_not_enabled(machine: Machine) -> None:
-    seen: set[int] = set()
+def test_without_power_the_axis_is_not_enabled(machine):
+    seen = set()
 
-    def alter(can_id: int, data: bytes) -> bytes:
+    def alter(can_id, data):
         if can_id == 0x581 and data[1:4] == b"\x41\x60\x00":
             seen.add(struct.unpack_from("<H", data, 4)[0] & 0x6F)
         return data
@@ -51,6 +48,6 @@ def test_without_power_the_axis_is_not_enabled(machine: Machine) -> None:
     assert 0x23 in seen
 
 
-def test_a_missing_node_is_one_error(machine: Machine) -> None:
+def test_a_missing_node_is_one_error(machine):
     with network(machine) as (bus, _), pytest.raises(NodeError, match="node 9 does not answer"):
         run(bus, 9)

@@ -1,18 +1,15 @@
 """Deviations in motion are found, or reported as not offered."""
 
-from __future__ import annotations
-
 import struct
 
 from drivers.commissioning.conformance import Verdict, run
-from stagectl.config.machine import Machine
 from tests.unit.drivers.commissioning.conftest import network
 
 
-def test_a_drive_without_acknowledge_in_pp(machine: Machine) -> None:
+def test_a_drive_without_acknowledge_in_pp(machine):
     """No bit 12 ever: reported as not offered, the rest still checked."""
 
-    def alter(can_id: int, data: bytes) -> bytes:
+    def alter(can_id, data):
         if can_id == 0x581 and data[1:4] == b"\x41\x60\x00":
             word = struct.unpack_from("<H", data, 4)[0] & ~0x1000
             return data[:4] + struct.pack("<H", word) + data[6:]

@@ -1,33 +1,26 @@
 """Parameters of PDOs are restored as they were found, on drives that take them differently."""
 
-from __future__ import annotations
-
 import functools
 import struct
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.canopen import Network
-from drivers.commissioning.conformance import Finding, Verdict, run
+from drivers.commissioning.conformance import Verdict, run
 from hil_sim.cia301 import key
-from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine
 from tests.unit.drivers.commissioning.conftest import failures, network
 
 PDO_AREA = range(0x1400 << 8, 0x1C00 << 8)
 
 
-def process_data(stage: VirtualStage) -> dict[int, Any]:
+def process_data(stage):
     """Parameters of all PDOs of node 1, and what else of its communication can be set."""
     others = {key(0x1005), key(0x1006), key(0x1007), key(0x1016, 1), key(0x1017), key(0x1029, 1)}
     values = stage.drives[0].dictionary.values
     return {k: v for k, v in values.items() if k in PDO_AREA or k in others}
 
 
-def set_up(bus: Network, stage: VirtualStage) -> dict[int, Any]:
+def set_up(bus, stage):
     """As another master left it: not what the drive has after a reset."""
     dictionary = stage.drives[0].dictionary
     for index, sub, fmt, value in (
@@ -45,16 +38,16 @@ def set_up(bus: Network, stage: VirtualStage) -> dict[int, Any]:
     return process_data(stage)
 
 
-def forgets_entries(stage: VirtualStage) -> None:
+def forgets_entries(stage):
     """A drive whose mapping entries are gone, and not to be read, once the count is 0."""
     dictionary = stage.drives[0].dictionary
     for mapping in (0x1600, 0x1A00):
 
-        def forget(count: int, mapping: int = mapping) -> None:
+        def forget(count, mapping=mapping):
             for sub in range(count + 1, 9):
                 dictionary.values[key(mapping, sub)] = 0
 
-        def entry(mapping: int, sub: int) -> int:
+        def entry(mapping, sub):
             if sub > dictionary.integer(key(mapping, 0)):
                 raise SdoAbortedError(0x06090011)
             return dictionary.integer(key(mapping, sub))
@@ -64,16 +57,16 @@ def forgets_entries(stage: VirtualStage) -> None:
         dictionary.on_write[key(mapping, 0)] = forget
 
 
-def wants_entries_in_order(stage: VirtualStage) -> None:
+def wants_entries_in_order(stage):
     """A drive that takes entry n only after entry n - 1, and forgets all with the count."""
     dictionary = stage.drives[0].dictionary
     for mapping in (0x1600, 0x1A00):
 
-        def forget(count: int, mapping: int = mapping) -> None:
+        def forget(count, mapping=mapping):
             for sub in range(1, 9) if count == 0 else ():
                 dictionary.values[key(mapping, sub)] = 0
 
-        def check(value: int, mapping: int, sub: int, then: Callable[[int], None]) -> None:
+        def check(value, mapping, sub, then):
             then(value)
             if sub > 1 and not dictionary.integer(key(mapping, sub - 1)):
                 raise SdoAbortedError(0x06040042)
@@ -86,14 +79,12 @@ def wants_entries_in_order(stage: VirtualStage) -> None:
             )
 
 
-def is_as_it_is(stage: VirtualStage) -> None:
+def is_as_it_is(stage):
     """Our drive itself."""
 
 
 @pytest.mark.parametrize("kind", [is_as_it_is, forgets_entries, wants_entries_in_order])
-def test_process_data_are_restored_as_they_were_found(
-    machine: Machine, kind: Callable[[VirtualStage], None]
-) -> None:
+def test_process_data_are_restored_as_they_were_found(machine, kind):
     with network(machine) as (bus, stage):
         kind(stage)
         before = set_up(bus, stage)
@@ -102,8 +93,8 @@ def test_process_data_are_restored_as_they_were_found(
         assert process_data(stage) == before
 
 
-def test_process_data_are_restored_after_an_interruption(machine: Machine) -> None:
-    def interrupt(found: Finding) -> None:
+def test_process_data_are_restored_after_an_interruption(machine):
+    def interrupt(found):
         if found.name.startswith("type 3"):
             raise KeyboardInterrupt
 
@@ -114,13 +105,13 @@ def test_process_data_are_restored_after_an_interruption(machine: Machine) -> No
         assert process_data(stage) == before
 
 
-def test_values_that_the_drive_does_not_accept_back_are_reported(machine: Machine) -> None:
+def test_values_that_the_drive_does_not_accept_back_are_reported(machine):
     with network(machine) as (bus, stage):
         set_up(bus, stage)
         dictionary = stage.drives[0].dictionary
         theirs = dictionary.check[key(0x1A00, 1)]
 
-        def only_the_statusword(value: int) -> None:
+        def only_the_statusword(value):
             theirs(value)
             if value >> 16 != 0x6041:
                 raise SdoAbortedError(0x06040041)

@@ -1,10 +1,5 @@
 """The probe on a scripted drive: sizes and signs, what it restores, and its verdicts."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
-
 import pytest
 from canopen import SdoAbortedError, SdoCommunicationError
 
@@ -16,7 +11,7 @@ READ_ONLY, ABSENT = 0x06010002, 0x06020000
 
 
 @pytest.fixture
-def probe(scripted: Any) -> Iterator[Probe]:
+def probe(scripted):
     network = Network(scripted, "scripted", beats=False)
     probe = Probe(network, 1)
     probe.group = "group"
@@ -32,13 +27,11 @@ def probe(scripted: Any) -> Iterator[Probe]:
         (0x1016, 1, "I"), (0x6040, 0, "H"), (0x60C2, 1, "B"), (0x60C2, 2, "b"), (0x1000, 0, "I"),
     ],
 )  # fmt: skip
-def test_sizes_of_objects_are_those_of_the_standards(index: int, sub: int, code: str) -> None:
+def test_sizes_of_objects_are_those_of_the_standards(index, sub, code):
     assert code_of(index, sub) == code
 
 
-def test_values_are_read_with_their_sign_and_written_with_their_size(
-    probe: Probe, scripted: Any
-) -> None:
+def test_values_are_read_with_their_sign_and_written_with_their_size(probe, scripted):
     drive = scripted.drives[0]
     drive.objects[0x60B2, 0] = -5 & 0xFFFF
     assert probe.read(0x60B2) == -5
@@ -49,7 +42,7 @@ def test_values_are_read_with_their_sign_and_written_with_their_size(
     assert drive.sizes[0x1017, 0] == 2
 
 
-def test_changes_are_restored_the_latest_first(probe: Probe, scripted: Any) -> None:
+def test_changes_are_restored_the_latest_first(probe, scripted):
     drive = scripted.drives[0]
     drive.objects[0x6066, 0], drive.objects[0x6068, 0] = 10, 20
     probe.change(0x6066, 0, 11)
@@ -62,7 +55,7 @@ def test_changes_are_restored_the_latest_first(probe: Probe, scripted: Any) -> N
     assert not probe.changed
 
 
-def test_what_the_drive_does_not_take_back_is_named(probe: Probe, scripted: Any) -> None:
+def test_what_the_drive_does_not_take_back_is_named(probe, scripted):
     drive = scripted.drives[0]
     drive.objects[0x6066, 0] = 10
     probe.change(0x6066, 0, 11)
@@ -70,7 +63,7 @@ def test_what_the_drive_does_not_take_back_is_named(probe: Probe, scripted: Any)
     assert probe.restore() == ["0x6066:00 holds 11, was 10"]
 
 
-def test_after_silence_the_rest_is_still_to_be_restored(probe: Probe, scripted: Any) -> None:
+def test_after_silence_the_rest_is_still_to_be_restored(probe, scripted):
     probe.change(0x6066, 0, 11)
     scripted.drives[0].silent = True
     with pytest.raises(SdoCommunicationError):
@@ -90,9 +83,7 @@ def test_after_silence_the_rest_is_still_to_be_restored(probe: Probe, scripted: 
         (None, Verdict.FAIL, "accepted, not aborted (0x06010002)"),
     ],
 )
-def test_a_refusal_passes_only_with_the_standards_code(
-    probe: Probe, scripted: Any, answer: int | None, verdict: Verdict, detail: str
-) -> None:
+def test_a_refusal_passes_only_with_the_standards_code(probe, scripted, answer, verdict, detail):
     if answer is not None:
         scripted.drives[0].refuse_write[0x6041, 0] = answer
     probe.refusal("write", lambda: probe.write(0x6041, 0, 0), READ_ONLY)
@@ -101,9 +92,7 @@ def test_a_refusal_passes_only_with_the_standards_code(
     assert detail in found.detail
 
 
-def test_an_absent_object_is_not_offered_but_silence_is_an_error(
-    probe: Probe, scripted: Any
-) -> None:
+def test_an_absent_object_is_not_offered_but_silence_is_an_error(probe, scripted):
     scripted.drives[0].refuse[0x6007, 0] = ABSENT
     assert not probe.offers(0x6007)
     with pytest.raises(SdoAbortedError):
@@ -113,19 +102,17 @@ def test_an_absent_object_is_not_offered_but_silence_is_an_error(
         probe.offers(0x6007)
 
 
-def test_supported_modes_are_bits_of_0x6502(probe: Probe) -> None:
+def test_supported_modes_are_bits_of_0x6502(probe):
     assert [m for m in range(1, 11) if probe.supports(m)] == [1, 6, 8]
 
 
-def test_a_state_that_is_not_reached_ends_the_wait(probe: Probe, scripted: Any) -> None:
+def test_a_state_that_is_not_reached_ends_the_wait(probe, scripted):
     before = scripted.clock.now
     assert not probe.reaches(State.OPERATION_ENABLED, 0.1)
     assert 100_000_000 <= scripted.clock.now - before < 120_000_000
 
 
-def test_emergencies_heartbeats_and_tpdos_of_this_node_are_noted(
-    probe: Probe, scripted: Any
-) -> None:
+def test_emergencies_heartbeats_and_tpdos_of_this_node_are_noted(probe, scripted):
     scripted.deliver(0x081, b"\x30\x81\x11\0\0\0\0\0")
     scripted.deliver(0x081, b"\x30\x81")  # no EMCY: eight bytes are
     scripted.deliver(0x082, b"\x10\x43\x11\0\0\0\0\0")
