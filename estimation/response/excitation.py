@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
+
 I64 = NDArray[np.int64]
 
 DURATION = 2.0

@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from estimation.response.frequency_response import AxisResponse
 from estimation.response.sampled_loop import C128, Clocking, Figures, Lines, Resonance
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 FORM = 0.02
 """Relative error of the closed form: no line counts for more than that allows."""

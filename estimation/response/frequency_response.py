@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.response.excitation import I64
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 C128 = NDArray[np.complex128]
 
 STUCK = 0.3

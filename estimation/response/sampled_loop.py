@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
+
 C128 = NDArray[np.complex128]
 
 _FOLDED = 1
@@ -75,13 +76,11 @@ class Clocking(NamedTuple):
         period: Ts [s].
         control_period: Tc [s].
         current_bandwidth: of the current loop [Hz].
-        interpolates: whether setpoints are ramped over a SYNC period.
     """
 
     period: float
     control_period: float
     current_bandwidth: float
-    interpolates: bool = True
 
 
 class Lines:
@@ -105,7 +104,7 @@ class Lines:
             / (self.s * tc)
             / (1.0 + self.s / (2.0 * math.pi * clocking.current_bandwidth))
         )
-        self.hold = _hold(back, ticks, clocking.interpolates)
+        self.hold = _hold(back, ticks)
 
     @property
     def setpoint_hold(self) -> C128:
@@ -136,16 +135,12 @@ def compliance(s: C128, figures: Figures, slides: bool) -> C128:
     return free / (1.0 + free * (stiffness + loss * s))
 
 
-def _hold(back: C128, ticks: int, interpolates: bool) -> C128:
-    """One row's setpoint as the drive's ticks see it: a triangle, or a step of one period."""
-    if interpolates:
-        up = np.arange(1, ticks + 1) / ticks
-        weights = np.concatenate((up, 1.0 - up))
-    else:
-        weights = np.ones(ticks)
+def _hold(back: C128, ticks: int) -> C128:
+    """One row's setpoint as the drive's ticks see it: ramped, a triangle."""
+    up = np.arange(1, ticks + 1) / ticks
     powers = np.ones_like(back)
     total = np.zeros_like(back)
-    for weight in weights:
+    for weight in np.concatenate((up, 1.0 - up)):
         total += weight * powers
         powers = powers * back
     return total / ticks

@@ -4,6 +4,8 @@
 them in closed form over frequency.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,46 +63,46 @@ def found(drive=DRIVE, carriage=CARRIAGE, **odd):
     return fit(AxisResponse(rest, sliding), CLOCKING, BELIEVED)
 
 
-def test_an_axis_as_believed():
-    figures = found().figures
-    assert figures.mass == pytest.approx(8.0, rel=0.01)
-    assert figures.kp == pytest.approx(341e3, rel=0.02)
-    assert figures.kd == pytest.approx(2714.0, rel=0.02)
-    assert figures.stiffness == pytest.approx(6e5, rel=0.03)
+KP, KD, TIME = DRIVE.kp, DRIVE.kd, DRIVE.derivative_time
+
+
+@pytest.mark.parametrize(
+    ("drive", "mass", "odd", "expected"),
+    [
+        ({}, 8.0, {}, {"kp": KP, "stiffness": 6e5}),
+        *(
+            (
+                {"kp": KP * f, "ki": DRIVE.ki * f, "kd": KD * f},
+                8.0,
+                {},
+                {"kp": KP * f, "kd": KD * f},
+            )
+            for f in (0.5, 0.7, 1.5)
+        ),
+        ({}, 5.4, {}, {}),
+        ({}, 16.0, {}, {}),
+        ({}, 8.0, {"late": 3}, {"lateness": 3 * PERIOD}),
+        ({}, 8.0, {"late": 5}, {"lateness": 5 * PERIOD}),
+        ({}, 8.0, {"old": 1}, {"age": PERIOD}),
+        ({}, 8.0, {"late": 2, "old": 1, "sign": -1}, {"lateness": 2 * PERIOD, "age": PERIOD}),
+        ({"delay": 5e-4}, 8.0, {}, {"dead_time": 5e-4}),
+        # It was taken for kp, dead time and mass.
+        ({"derivative_time": 0.1 * TIME}, 8.0, {}, {"derivative_time": 0.1 * TIME, "kp": KP}),
+        ({"derivative_time": 2.0 * TIME}, 8.0, {}, {"derivative_time": 2.0 * TIME, "kp": KP}),
+    ],
+)
+def test_what_differs_is_found_and_nothing_else(drive, mass, odd, expected):
+    expected = dict(expected)
+    figures = found(replace(DRIVE, **drive), replace(CARRIAGE, mass=mass), **odd).figures
+    for name in ("lateness", "age", "dead_time"):
+        value = getattr(figures, name) + (figures.smoothing if name == "age" else 0.0)
+        assert value == pytest.approx(expected.pop(name, 0.0), abs=6e-5), name
+    for name, value in expected.items():
+        assert getattr(figures, name) == pytest.approx(value, rel=0.03), name
+    assert figures.kd == pytest.approx(drive.get("kd", KD), rel=0.03)
+    assert figures.mass == pytest.approx(mass, rel=0.03 if drive else 0.01)
+    assert figures.sign == odd.get("sign", 1)
     assert figures.resonances == ()
-    assert figures.sign == 1.0
-    for time in (figures.lateness, figures.age + figures.smoothing, figures.dead_time):
-        assert abs(time) < 5e-5
-
-
-@pytest.mark.parametrize("factor", [0.5, 0.7, 1.5])
-def test_gains_that_are_not_those_of_the_file(factor):
-    drive = DriveLoop(341e3 * factor, 16.07e6 * factor, 2714.0 * factor, 8.842e-4, 1500.0, 1e-4)
-    figures = found(drive).figures
-    assert figures.kp == pytest.approx(341e3 * factor, rel=0.03)
-    assert figures.kd == pytest.approx(2714.0 * factor, rel=0.03)
-    assert figures.mass == pytest.approx(8.0, rel=0.02)
-
-
-@pytest.mark.parametrize("mass", [5.4, 16.0])
-def test_another_mass(mass):
-    assert found(carriage=Carriage(mass, 6e5, 20.0)).figures.mass == pytest.approx(mass, rel=0.01)
-
-
-@pytest.mark.parametrize(("late", "old", "sign"), [(3, 0, 1), (5, 0, 1), (0, 1, 1), (2, 1, -1)])
-def test_what_is_late_or_reversed_on_the_bus(late, old, sign):
-    figures = found(late=late, old=old, sign=sign).figures
-    assert figures.sign == sign
-    assert figures.lateness == pytest.approx(late * PERIOD, abs=5e-5)
-    assert figures.age + figures.smoothing == pytest.approx(old * PERIOD, abs=5e-5)
-    assert figures.mass == pytest.approx(8.0, rel=0.01)
-
-
-def test_dead_time_in_the_loop():
-    drive = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 1e-4, delay=5e-4)
-    figures = found(drive).figures
-    assert figures.dead_time == pytest.approx(5e-4, abs=5e-5)
-    assert abs(figures.age + figures.smoothing) < 5e-5
 
 
 @pytest.mark.parametrize(("ratio", "frequency"), [(0.2, 250.0), (0.05, 120.0), (0.3, 280.0)])
@@ -135,17 +137,6 @@ def test_the_signals_share_no_line_and_keep_their_peak():
     lines = [*excitation.offset_lines, *excitation.demand_lines, excitation.empty_lines]
     assert len(np.unique(np.concatenate(lines))) == sum(len(of) for of in lines)
     assert np.abs(excitation.offset).max() == pytest.approx(0.6)
-
-
-@pytest.mark.parametrize("factor", [0.1, 2.0])
-def test_a_derivative_that_is_smoothed_otherwise_is_no_other_cause(factor):
-    """It was taken for kp, dead time and mass."""
-    drive = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4 * factor, 1500.0, 1e-4)
-    figures = found(drive).figures
-    assert figures.derivative_time == pytest.approx(8.842e-4 * factor, rel=0.05)
-    assert figures.kp == pytest.approx(341e3, rel=0.03)
-    assert figures.mass == pytest.approx(8.0, rel=0.03)
-    assert abs(figures.dead_time) < 6e-5
 
 
 def test_a_drive_without_integrator_and_smoothing():
