@@ -9,17 +9,3 @@ Modules beside them serve several: `trajectory`, `move`, `kinematics`, `noise`, 
 `low_speed_friction`, `least_squares`.
 Nothing is imported here, so that a program that only plans trajectories starts without a compiler.
 """
-
-__all__ = [
-    "field",
-    "friction",
-    "kinematics",
-    "least_squares",
-    "low_speed_friction",
-    "move",
-    "noise",
-    "offline",
-    "online",
-    "sampled_force",
-    "trajectory",
-]

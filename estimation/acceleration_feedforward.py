@@ -13,14 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.observer import DriveLoop
 from estimation.trajectory import Trajectory
-from estimation.trajectory_samples import sample_pieces
-from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 def mass_feedforward(
@@ -37,9 +33,13 @@ def mass_feedforward(
         period: of the samples, Ts [s].
         ahead: how much earlier the force is wanted [s].
     """
-    force = np.empty(samples)
-    accelerate(trajectory.pieces, mass, period, ahead, force)
-    return force
+    early = math.ceil(max(ahead, 0.0) / period) + 2
+    time = ahead + period * (np.arange(samples + early + 4) - 1.0 - early)
+    path = trajectory.sample(time)[0] - trajectory.position[0]
+    bend = (path[2:] - 2.0 * path[1:-1] + path[:-2]) / period**2
+    spline = (8.0 * bend[1:-1] - bend[2:] - bend[:-2]) / 6.0
+    spline[early : early + 1] += sum(spline[:early].tolist())
+    return mass * spline[early:]
 
 
 def chord_force(drive: DriveLoop, trajectory: Trajectory, samples: int, period: float) -> F64:
@@ -51,10 +51,11 @@ def chord_force(drive: DriveLoop, trajectory: Trajectory, samples: int, period: 
         samples: how many.
         period: of the samples [s].
     """
-    off, force = (period**2 - drive.control_period**2) / 12.0, np.empty(samples)
-    gains = off * drive.kp, off * drive.ki, off * drive.kd
-    follow_chords(trajectory.pieces, gains, drive.derivative_time, period, force)
-    return force
+    off, number = (period**2 - drive.control_period**2) / 12.0, np.arange(samples + 1)
+    _, velocity, acceleration = trajectory.sample(period * (number[:-1] + 1.0))
+    edges = trajectory.sample(period * (number + 0.5) - drive.derivative_time)[2]
+    jerk = np.diff(edges) / period
+    return (off * drive.kp) * acceleration + (off * drive.ki) * velocity + (off * drive.kd) * jerk
 
 
 def against_lag(force: F64, lag: float, period: float, moving: bool = False) -> F64:
@@ -69,70 +70,9 @@ def against_lag(force: F64, lag: float, period: float, moving: bool = False) -> 
         period: of the samples [s].
         moving: at the sample before the first the axis moves, its offset with the lag made up for.
     """
-    sent = np.empty(len(force))
-    lead(force, lag, period, moving, sent)
-    return sent
-
-
-@kernel()
-def accelerate(trajectory, mass, period, ahead, force):  # type: ignore[no-untyped-def]
-    """`mass_feedforward`, written to `force`, (K,); `trajectory` as of `sample_pieces`."""
-    early = math.ceil(max(ahead, 0.0) / period) + 2
-    count = force.shape[0] + early + 4
-    time, path, unused = np.empty(count), np.empty(count), np.empty(count)
-    for k in range(count):
-        time[k] = ahead + period * (k - 1 - early)
-    sample_pieces(trajectory, time, path, unused, unused)
-    origin = trajectory[1][0]
-    for k in range(count):
-        path[k] -= origin
-    bend = np.empty(count - 2)
-    for k in range(count - 2):
-        bend[k] = (path[k + 2] - 2.0 * path[k + 1] + path[k]) / period**2
-    due = 0.0
-    for k in range(count - 4):
-        spline = (8.0 * bend[k + 1] - bend[k + 2] - bend[k]) / 6.0
-        if k < early:
-            due += spline
-        else:
-            force[k - early] = mass * (spline + due)
-            due = 0.0
-
-
-@kernel()
-def follow_chords(trajectory, gains, behind, period, force):  # type: ignore[no-untyped-def]
-    """`chord_force`, written to `force`, (K,).
-
-    Args:
-        trajectory: as of `sample_pieces`.
-        gains: of acceleration [kg], velocity [N s/m] and jerk [N s^3/m].
-        behind: by how much the jerk comes later [s].
-        period: of the samples [s].
-        force: shape (K,).
-    """
-    count = force.shape[0]
-    time, velocity, acceleration = np.empty(count + 1), np.empty(count + 1), np.empty(count + 1)
-    edge, unused = np.empty(count + 1), np.empty(count + 1)
-    for k in range(count + 1):
-        time[k] = period * (k + 0.5) - behind
-    sample_pieces(trajectory, time, unused, unused, edge)
-    for k in range(count + 1):
-        time[k] = period * (k + 1)
-    sample_pieces(trajectory, time, unused, velocity, acceleration)
-    for k in range(count):
-        jerk = (edge[k + 1] - edge[k]) / period
-        force[k] = gains[0] * acceleration[k] + gains[1] * velocity[k] + gains[2] * jerk
-
-
-@kernel()
-def lead(force, lag, period, moving, sent):  # type: ignore[no-untyped-def]
-    """`against_lag`, written to `sent`, (K,)."""
-    count = force.shape[0]
-    before, first = 0.0, force[0] / period if moving else 0.0
-    for k in range(count):
-        if k + 1 < count:
-            rate = (force[k + 1] - before) / (2.0 * period)
-        else:
-            rate = (force[k] - before) / period
-        sent[k] = force[k] + lag * (rate - first)
-        before = force[k]
+    around = np.concatenate(([0.0], force))
+    rate = np.append(
+        (around[2:] - around[:-2]) / (2.0 * period), (around[-1:] - around[-2:-1]) / period
+    )
+    first = force[0] / period if moving else 0.0
+    return force + lag * (rate - first)

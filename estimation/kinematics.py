@@ -7,6 +7,9 @@ sliding until its position has turned.
 
 from __future__ import annotations
 
+import numpy as np
+
+from stagedata import F64
 from stagedata.compiled import kernel
 
 REVERSAL_BAND = 3e-9
@@ -27,6 +30,11 @@ REST_NOISE = 9.0
 """Positions that stay within this many standard deviations are at rest."""
 BLOCK = 32
 """Number of samples skipped at once in fast motion."""
+
+
+def slope(path: F64, period: float) -> F64:
+    """Central differences of samples, shape (K,), one-sided at the ends; 0 of a single sample."""
+    return np.gradient(path, period) if len(path) > 1 else np.zeros(len(path))
 
 
 @kernel()

@@ -14,14 +14,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimation.kinematics import slope
 from estimation.move import MoveData
 from estimation.move_group import GROUPS, move_group
-from estimation.sampled_force import slope
+from stagedata import F64
 from stagedata.compiled import kernel, machine_code
-
-F64 = NDArray[np.float64]
 
 SPEEDS = np.geomspace(2e-3, 5e-2, 17)
 """Speeds over which the force may decay [m/s]."""

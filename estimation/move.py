@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _KINDS = (
     ("position", np.float64), ("force", np.float64), ("valid", np.bool_), ("disturbed", np.bool_)

@@ -18,23 +18,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction import (
-    F64,
-    REST_BAND,
-    SUBSTEPS,
-    FrictionState,
-    follow_positions,
-    kernel_figures,
-    make_constants,
-    steps_within,
-)
+from estimation.friction import FrictionState, follow
+from estimation.kinematics import slope
 from estimation.move import MoveData
-from stagedata import FrictionFigures
-from stagedata.compiled import kernel
+from stagedata import F64, FrictionFigures
 
 SMOOTH = 1.0 / 12.0
 """Of the second difference, where there is no kink."""
-_NONE, _NOT_ANY = np.zeros(0), np.zeros(0, np.bool_)
 
 
 def kink_share(period: float, tip: float) -> float:
@@ -64,32 +54,19 @@ def with_mean_force(
         commanded: force offset in force at each sample, shape (K,): what of the force has kinks;
             None: all of it.
     """
-    disturbed = _NOT_ANY if move.disturbed is None else move.disturbed
+    sound = move.valid & (np.abs(move.force) < peak)
+    if move.disturbed is not None:
+        sound &= ~move.disturbed
+    bend = _bend(move.force)
+    if commanded is None:
+        around = share * bend
+    else:
+        around = SMOOTH * bend + (share - SMOOTH) * _bend(commanded)
+    if friction is not None:
+        around -= SMOOTH * _bend(friction)
     mean = move.force.copy()
-    add_bends(
-        move.force, move.valid, disturbed, _NONE if friction is None else friction,
-        _NONE if commanded is None else commanded, share, peak, mean,
-    )  # fmt: skip
+    mean[1:-1] += np.where(sound[:-2] & sound[1:-1] & sound[2:], around, 0.0)
     return replace(move, force=mean)
-
-
-@kernel()
-def add_bends(force, valid, disturbed, friction, commanded, share, peak, mean):  # type: ignore[no-untyped-def]
-    """`with_mean_force`, added to `mean`, (K,); what is not known of the move has no samples."""
-    for k in range(1, force.shape[0] - 1):
-        sound = True
-        for i in range(k - 1, k + 2):
-            sound = sound and valid[i] and abs(force[i]) < peak
-            sound = sound and not (disturbed.shape[0] and disturbed[i])
-        if not sound:
-            continue
-        if commanded.shape[0]:
-            around = SMOOTH * bend(force, k) + (share - SMOOTH) * bend(commanded, k)
-        else:
-            around = share * bend(force, k)
-        if friction.shape[0]:
-            around -= SMOOTH * bend(friction, k)
-        mean[k] += around
 
 
 def modelled_friction(
@@ -103,39 +80,10 @@ def modelled_friction(
         state: friction state at rest before the move; not changed.
         period: of the samples [s].
     """
-    path, follower = move.path, state.copy()
-    force = np.empty(len(path))
-    follow_samples(
-        make_constants(friction), kernel_figures(friction, period),
-        follower.forces, follower.slipping, follower.memory, path,
-        steps_within(friction, SUBSTEPS), force,
-    )  # fmt: skip
-    return force
+    path = move.path
+    return follow(friction, state.copy(), path, slope(path, period), period)[0]
 
 
-@kernel()
-def follow_samples(law, figures, forces, slipping, memory, path, substeps, force):  # type: ignore[no-untyped-def]
-    """`follow_positions` with a constant Fc, speeds from the path, shape (K,), no derivatives."""
-    jacobian = np.empty((path.shape[0], 3))
-    follow_positions(
-        law, figures, np.array([figures.coulomb]), forces, slipping, memory,
-        path, slope(path, figures.period), substeps, REST_BAND, force, jacobian,
-    )  # fmt: skip
-
-
-@kernel()
-def slope(path, period):  # type: ignore[no-untyped-def]
-    """Central differences of samples, shape (K,), one-sided at the ends; 0 of a single sample."""
-    last = path.shape[0] - 1
-    rate = np.zeros(last + 1)
-    for k in range(last + 1):
-        before, behind = max(k - 1, 0), min(k + 1, last)
-        if before < behind:
-            rate[k] = (path[behind] - path[before]) / ((behind - before) * period)
-    return rate
-
-
-@kernel()
-def bend(values, k):  # type: ignore[no-untyped-def]
-    """Second difference of samples, shape (K,), at sample k."""
-    return values[k + 1] - 2.0 * values[k] + values[k - 1]
+def _bend(values: F64) -> F64:
+    """Second differences of samples, shape (K - 2,)."""
+    return values[2:] - 2.0 * values[1:-1] + values[:-2]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import ruckig
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
+
 _PLANNER = ruckig.Ruckig(1)
 
 
@@ -51,14 +51,6 @@ class Trajectory:
     duration: float
     target: float
 
-    @property
-    def pieces(self) -> tuple[F64, F64, F64, F64, F64, float, float]:
-        """All of it as kernels take it; see `trajectory_samples`."""
-        return (
-            self.start, self.position, self.velocity, self.acceleration, self.jerk,
-            self.duration, self.target,
-        )  # fmt: skip
-
     def sample(self, time: F64) -> tuple[F64, F64, F64]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at `time` [s], same shape.
 
@@ -68,31 +60,26 @@ class Trajectory:
 
         time = np.asarray(time, dtype=np.float64)
         position, velocity, acceleration = np.empty((3, time.size))
-        sample_pieces(self.pieces, time.ravel(), position, velocity, acceleration)
+        pieces = self.start, self.position, self.velocity, self.acceleration, self.jerk
+        sample_pieces(
+            pieces, self.duration, self.target, time.ravel(), position, velocity, acceleration
+        )
         shape = time.shape
         return position.reshape(shape), velocity.reshape(shape), acceleration.reshape(shape)
 
 
-def plan(
-    start: float,
-    target: float,
-    limits: Limits,
-    velocity: float = 0.0,
-    acceleration: float = 0.0,
-) -> Trajectory:
-    """The fastest motion to rest at `target` [m].
+def plan(start: float, target: float, limits: Limits) -> Trajectory:
+    """The fastest motion from rest to rest at `target` [m].
 
     Args:
         start: position [m].
         target: position to come to rest at [m].
         limits: of the motion.
-        velocity: at the start [m/s].
-        acceleration: at the start [m/s^2].
 
     Raises:
         ValueError: not finite, or no such motion.
     """
-    return _solve(ruckig.ControlInterface.Position, start, velocity, acceleration, target, limits)
+    return _solve(ruckig.ControlInterface.Position, start, 0.0, 0.0, target, limits)
 
 
 def plan_stop(position: float, velocity: float, acceleration: float, limits: Limits) -> Trajectory:

@@ -6,18 +6,19 @@ from stagedata.compiled import kernel
 
 
 @kernel()
-def sample_pieces(trajectory, time, position, velocity, acceleration):  # type: ignore[no-untyped-def]
+def sample_pieces(pieces, duration, target, time, position, velocity, acceleration):  # type: ignore[no-untyped-def]
     """Position [m], velocity [m/s] and acceleration [m/s^2], shape (K,), written.
 
     Args:
-        trajectory: start, position, velocity, acceleration and jerk of its pieces, shape (n,),
-            duration and target; `trajectory.Trajectory.pieces`.
+        pieces: start, position, velocity, acceleration and jerk of a trajectory's pieces, (n,).
+        duration: of it [s].
+        target: of it [m].
         time: of the samples [s], shape (K,); fastest in ascending order.
         position: shape (K,).
         velocity: shape (K,).
         acceleration: shape (K,).
     """
-    start, places, speeds, rates, jerks, duration, target = trajectory
+    start, places, speeds, rates, jerks = pieces
     piece, last = 0, start.shape[0] - 1
     for k in range(time.shape[0]):
         now = time[k]

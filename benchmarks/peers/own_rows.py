@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.peers.problem import F64, START, ZONE_AB, Problem
 from estimation.friction import count_states, make_constants
-from estimation.online.belief import KNOTS, RESIDUAL
+from estimation.online.belief.belief import KNOTS, RESIDUAL
 from estimation.online.belief.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.online.solver.prepare import Sampled, prepare
 from estimation.online.solver.residual import AtRest, fill_rows, make_rows

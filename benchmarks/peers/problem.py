@@ -32,6 +32,7 @@ from estimation.friction.law import Figures
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online import BeliefSettings, Estimate, EstimatorSettings, SplitHorizonEstimator
+from estimation.online.settings import BOUNDS
 from estimation.online.solver.zones import SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
@@ -174,9 +175,9 @@ def _follow(p, position, velocity, model, law, scale, free, end, elements, jacob
     )  # fmt: skip
     n = law.elements
     follow_elements(
-        law, at, figures[:1], np.zeros(n), np.zeros(n, dtype=np.bool_),
-        np.array([0.0, position[0]]), position[1 : end + 1], velocity[:end], SUBSTEPS, REST_BAND,
-        elements, jacobian,
+        law, at, figures[:1],
+        (np.zeros(n), np.zeros(n, dtype=np.bool_), np.array([0.0, position[0]])),
+        (position[1 : end + 1], velocity[:end]), (SUBSTEPS, REST_BAND), elements, jacobian,
     )  # fmt: skip
     return figures
 
@@ -265,7 +266,7 @@ def build(samples: int = 250) -> Problem:
     return Problem(
         position, force, velocity, acceleration, split(position, START, TS),
         np.array([START.coulomb, START.viscous, START.stiffness, MASS]), spread,
-        *settings.bounds, settings, micro_steps(position, velocity),
+        *BOUNDS, settings, micro_steps(position, velocity),
     )  # fmt: skip
 
 

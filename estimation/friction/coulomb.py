@@ -24,7 +24,7 @@ class Constants(NamedTuple):
 
 
 TRACE = np.dtype([("total", np.float64, (ROWS,)), ("sliding", np.float64), ("spring", np.float64)])
-"""See `FrictionLaw.make_trace`."""
+"""See `law.make_trace`."""
 
 
 @cache

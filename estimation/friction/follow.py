@@ -10,7 +10,6 @@ from estimation.friction.law import (
     BY_COULOMB,
     BY_RATE,
     BY_STIFFNESS,
-    F64,
     FAR_ABOVE,
     FORCE,
     NO_SUBSTEPS,
@@ -24,7 +23,7 @@ from estimation.friction.law import (
     stribeck_rise,
 )
 from estimation.friction.model import FrictionState, kernel_figures, make_constants
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 from stagedata.compiled import kernel
 
 REST_BAND = 4e-9
@@ -34,31 +33,26 @@ SUBSTEPS = 4
 
 
 @kernel()
-def follow_positions(  # type: ignore[no-untyped-def]
-    law, figures, levels, forces, slipping, memory, position, velocity, substeps, band, force,
-    jacobian,
-):  # fmt: skip
-    """Evaluate a law along sampled positions (12 arguments: those of `follow`, as arrays).
+def follow_positions(law, figures, levels, state, path, steps, force, jacobian):  # type: ignore[no-untyped-def]
+    """Evaluate a law along sampled positions.
 
     Args:
         law: its constants.
         figures: at which it is evaluated; their period is that of the samples.
         levels: Fc at each sample [N], shape (K,); or of all, shape (1,).
-        forces: internal forces [N], shape (n,); advanced.
-        slipping: which of them slide, shape (n,); advanced.
-        memory: direction of motion, and position up to which it was taken [m]; advanced.
-        position: sampled [m], shape (K,).
-        velocity: at the same samples [m/s], shape (K,).
-        substeps: steps inside a sample that is not far above the Stribeck velocity.
-        band: displacement below which nothing moves [m].
+        state: the arrays of a `FrictionState`; advanced.
+        path: positions [m], and velocities at the same samples [m/s], shapes (K,).
+        steps: inside a sample that is not far above the Stribeck velocity; and the displacement
+            below which nothing moves [m].
         force: written: sum of the internal forces [N], shape (K,).
         jacobian: written: its derivatives by Fc, sigma0 and C/Fc, shape (K, 3).
     """
+    (forces, slipping, memory), (position, velocity), (substeps, band) = state, path, steps
     traces, f = make_trace(law), figures
     now = Figures(levels[0], f.stiffness, f.rate, f.alpha, f.period, f.retained)
     trace = traces[0]
     resume(law, now, trace, forces, slipping)
-    vs, shape, period = law.stribeck_velocity, law.stribeck_shape, f.period
+    vs, shape = law.stribeck_velocity, law.stribeck_shape
     fast = vs * FAR_ABOVE ** (1.0 / shape)
     direction, reference = memory[0], memory[1]
     v0 = velocity[0]
@@ -78,20 +72,10 @@ def follow_positions(  # type: ignore[no-untyped-def]
             ):
                 before = 0.0
             else:
-                # The velocity is linear, shifted so that it covers the distance moved.
-                steps = 1 if slowest > NO_SUBSTEPS * vs else substeps
-                dt = period / steps
-                shift = moved / period - 0.5 * (v0 + v1)
-                for j in range(steps):
-                    v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
-                    if v == 0.0:
-                        continue
-                    if v * direction <= 0.0:
-                        release(law, now, trace, direction)
-                        direction = math.copysign(1.0, v)
-                    rise = stribeck_rise(abs(v) / vs, shape)
-                    step(law, now, trace, v * dt, direction, before, rise, dt)
-                    before = rise
+                count = 1 if slowest > NO_SUBSTEPS * vs else substeps
+                direction, before = _move(
+                    law, now, trace, (moved, v0, v1), direction, before, count
+                )
         force[k] = trace.total[FORCE]
         jacobian[k, 0] = trace.total[BY_COULOMB]
         jacobian[k, 1] = trace.total[BY_STIFFNESS]
@@ -101,13 +85,28 @@ def follow_positions(  # type: ignore[no-untyped-def]
     memory[0], memory[1] = direction, reference
 
 
-def steps_within(friction: FrictionFigures, substeps: int) -> int:
-    """Steps inside a sample: one where the law has no presliding.
+@kernel()
+def _move(law, figures, trace, motion, direction, before, steps):  # type: ignore[no-untyped-def]
+    """One sample period in steps; returns direction and Stribeck rise in the last of them.
 
-    At a stop the linear velocity inside a sample ends a little beyond zero: a spring back of
-    nothing with presliding, twice the static force without.
+    `motion`: displacement [m], velocities before and after [m/s]; `direction` and `before`: as
+    returned of the period before.
     """
-    return substeps if friction.has("stiffness") else 1
+    moved, v0, v1 = motion
+    dt = figures.period / steps
+    # The velocity is linear, shifted so that it covers the distance moved.
+    shift = moved / figures.period - 0.5 * (v0 + v1)
+    for j in range(steps):
+        v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
+        if v == 0.0:
+            continue
+        if v * direction <= 0.0:
+            release(law, figures, trace, direction)
+            direction = math.copysign(1.0, v)
+        rise = stribeck_rise(abs(v) / law.stribeck_velocity, law.stribeck_shape)
+        step(law, figures, trace, v * dt, direction, before, rise, dt)
+        before = rise
+    return direction, before
 
 
 def follow(
@@ -118,6 +117,7 @@ def follow(
     period: float,
     substeps: int = SUBSTEPS,
     band: float = REST_BAND,
+    variation: F64 | None = None,
 ) -> tuple[F64, F64]:
     """Friction force without its viscous part along sampled positions, starting from `state`.
 
@@ -127,8 +127,12 @@ def follow(
         position: sampled positions [m], shape (K,).
         velocity: at the same samples [m/s], shape (K,); used inside a sample only.
         period: of the samples [s].
-        substeps: steps inside a sample.
+        substeps: steps inside a sample of a law that has presliding. One without takes one: at a
+            stop the linear velocity inside a sample ends a little beyond zero, a spring back of
+            nothing with presliding, twice the static force without.
         band: displacement below which nothing moves [m].
+        variation: Coulomb force at each sample relative to the model's, minus 1, shape (K,): what
+            slides follows it, what sticks keeps its force. None: it is the same everywhere.
 
     Returns:
         force: at each sample [N], shape (K,).
@@ -137,10 +141,11 @@ def follow(
     """
     force = np.empty(len(position))
     jacobian = np.empty((len(position), 3))
+    level = np.array([friction.coulomb])
     follow_positions(
         make_constants(friction), kernel_figures(friction, period),
-        np.array([friction.coulomb]), state.forces, state.slipping, state.memory,
-        np.ascontiguousarray(position),
-        np.ascontiguousarray(velocity), steps_within(friction, substeps), band, force, jacobian,
+        level if variation is None else level * (1.0 + variation), state.arrays,
+        (np.ascontiguousarray(position), np.ascontiguousarray(velocity)),
+        (substeps if friction.has("stiffness") else 1, band), force, jacobian,
     )  # fmt: skip
     return force, jacobian

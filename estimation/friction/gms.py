@@ -31,11 +31,10 @@ from estimation.friction.law import (
     BY_SLIP,
     BY_STIFFNESS,
     BY_TURN,
-    F64,
     FORCE,
     ROWS,
 )
-from stagedata import MAX_ELEMENTS
+from stagedata import F64, MAX_ELEMENTS
 from stagedata.compiled import kernel
 
 # The map of all elements since they all slip: share kept K; gain G [N]; derivative of G by Fc; and
@@ -64,7 +63,7 @@ TRACE = np.dtype(
         ("map", np.float64, (7,)),  # of all elements since then
     ]
 )
-"""State of the elements in a pass, with derivatives; see `FrictionLaw.make_trace`."""
+"""State of the elements in a pass, with derivatives; see `law.make_trace`."""
 
 
 @cache
@@ -239,7 +238,7 @@ def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyp
 
 @kernel()
 def step(law, figures, trace, travel, direction, before, rise, time):  # type: ignore[no-untyped-def]
-    """Move every element by a displacement [m] within `time` [s]; see `FrictionLaw.step`.
+    """Move every element by a displacement [m] within `time` [s]; see `law.step`.
 
     An element sticks through the step, slips through it, or begins to slip in it (`_land`). Where
     all slip already, `_relax` extends the common map instead. Returns the sum of the shares nu_i of
@@ -275,9 +274,7 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
             if margin > 0.0 and closing > 0.0:
                 landed += share
                 slack += stiffness * abs(limit - limit_before) / closing
-                _land(
-                    trace, i, figures, share, direction, before, rise, time, travel / n, decay,
-                )  # fmt: skip
+                _land(trace, i, figures, share, part, (direction, before, rise, time, decay))
                 continue
         away = (force - goal * coulomb) * decay
         element[FORCE, i] = goal * coulomb + away
@@ -293,15 +290,17 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
 
 
 @kernel()
-def _land(trace, i, figures, share, direction, before, rise, time, part, decay):  # type: ignore[no-untyped-def]
-    """Let element i begin to slip inside a step (10 arguments: those of `step`).
+def _land(trace, i, figures, share, part, how):  # type: ignore[no-untyped-def]
+    """Let element i begin to slip inside a step.
 
     Its limit moves linearly from nu_i (1 + alpha before) Fc to nu_i (1 + alpha rise) Fc. It sticks
     until it meets the limit and slips for the remaining share of the step, so force and derivatives
     stay continuous when a parameter moves that point into another step.
 
-    `share`: nu_i; `part`: d force/d sigma0 of the whole step [m]; `decay`: exp(-rate dt/s) of it.
+    `share`: nu_i; `part`: d force/d sigma0 of the whole step [m]; `how`: direction, before, rise
+    and time as of `step`, and exp(-rate dt/s) of it.
     """
+    direction, before, rise, time, decay = how
     element, coulomb, alpha = trace.element, figures.coulomb, figures.alpha
     curve, stretch = 1.0 + alpha * rise, figures.stiffness * part
     limit, limit_before = share * curve * coulomb, share * (1.0 + alpha * before) * coulomb

@@ -1,23 +1,26 @@
-"""The interface of a friction law: a module with the names of `FrictionLaw`.
+"""The interface of a friction law: a module with the functions below, compiled, and three names.
+
+- `Constants`, a named tuple of what is not estimated, with at least stribeck_velocity [m/s] and
+  stribeck_shape;
+- `make_constants(elements, stribeck_velocity, stribeck_shape)`, which returns them;
+- `count_states(elements)`: how many internal forces the law has.
 
 A law keeps internal forces whose sum is the friction force without its viscous part, and carries
-the derivatives of that sum along. Its compiled functions are reached through those below, which
-dispatch on the type of the law's `Constants`: a kernel that takes constants is compiled once for
-each law it is called with, and knows nothing of its insides. `gms` and `coulomb` are laws; `LAWS`
-in `estimation.friction.model` names them.
+the derivatives of that sum along. The functions below dispatch on the type of the `Constants`: a
+kernel that takes constants is compiled once for each law it is called with, and knows nothing of
+its insides. `gms` and `coulomb` are laws; `LAWS` in `estimation.friction.model` names them.
+
+`law` is an instance of the law's `Constants`, `trace` the record that `make_trace` makes. Forces
+are in N, and `forces` (with `slips`: which of them slide) the n internal ones.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from stagedata.compiled import KernelByType, kernel
-
-F64 = NDArray[np.float64]
 
 # Rows of a trace's total: friction force [N] and its derivatives by Fc [-], sigma0 [m], C/Fc [N s],
 # alpha [N], and by an offset of all internal forces [-] at rest before the move, since the last
@@ -52,114 +55,10 @@ class Figures(NamedTuple):
     retained: float
 
 
-class FrictionLaw(Protocol):
-    """A friction law's functions; all but `make_constants` and `count_states` compiled.
-
-    `law` is an instance of the law's `Constants`, `trace` the record that `make_trace` makes.
-    Forces are in N, and `forces` (with `slips`: which of them slide) the n internal ones.
-
-    Attributes:
-        Constants: named tuple of what is not estimated, with at least stribeck_velocity [m/s] and
-            stribeck_shape. Its type is what compiled calls are dispatched on.
-    """
-
-    Constants: Any
-
-    @staticmethod
-    def make_constants(elements: int, stribeck_velocity: float, stribeck_shape: float) -> Any:
-        """Constants of the law; the Stribeck velocity in m/s."""
-
-    @staticmethod
-    def count_states(elements: int) -> int:
-        """How many internal forces it has."""
-
-    @staticmethod
-    def retained(law: Any, rate: float, period: float) -> float:
-        """Share of a deviation from the sliding force left after `period` [s]; rate C/Fc [1/s]."""
-
-    @staticmethod
-    def has_presliding(law: Any) -> bool:
-        """Whether it predicts the force before everything slides; else only zone A is solved."""
-
-    @staticmethod
-    def breakaway_travel(law: Any, coulomb: float, stiffness: float, alpha: float) -> float:
-        """Displacement from relaxed to all sliding, at most [m]."""
-
-    @staticmethod
-    def stick_range(law: Any, forces: F64, known: float, coulomb: float) -> tuple[float, float]:
-        """Change of the friction force, down and up, within which nothing begins to slide.
-
-        `forces` were known under the Coulomb force `known`; they scale with it.
-        """
-
-    @staticmethod
-    def correct(law: Any, forces: F64, static: float, total: float) -> None:
-        """At-rest correction: make `forces` add up to `total`, as far as Fs = `static` allows."""
-
-    @staticmethod
-    def make_trace(law: Any) -> Any:
-        """Workspace of a pass over a move: an array of one record, with at least these fields.
-
-        total, shape (ROWS,): the rows above. sliding: share of the law's states that slide, 0 to 1.
-        spring: stiffness of what sticks [N/m]. The record itself is the `trace` of the other
-        functions; it does not keep the array alive.
-        """
-
-    @staticmethod
-    def begin(
-        law: Any, figures: Figures, trace: Any, forces: F64, known: float, total: float
-    ) -> None:
-        """Start a pass at rest; at-rest correction of `forces`, known under Fc = `known`."""
-
-    @staticmethod
-    def resume(law: Any, figures: Figures, trace: Any, forces: F64, slips: Any) -> None:
-        """Start a pass in any state, without derivatives by what was before."""
-
-    @staticmethod
-    def slide(law: Any, figures: Figures, trace: Any, direction: float) -> None:
-        """Start a pass with everything sliding, as after a long way in `direction` (+1, -1)."""
-
-    @staticmethod
-    def begin_zone(law: Any, trace: Any) -> None:
-        """Zone A begins: an offset of all internal forces is an unknown from here on (BY_SLIP)."""
-
-    @staticmethod
-    def leap(
-        law: Any, figures: Figures, trace: Any, travel: float, direction: float, fast: bool
-    ) -> bool:
-        """Take a whole period at once, if that is exact; else leave all as it is and return False.
-
-        `travel` [m] in `direction` (0 at rest); `fast`: the Stribeck rise is nil.
-        """
-
-    @staticmethod
-    def step(
-        law: Any, figures: Figures, trace: Any, travel: float, direction: float, before: float,
-        rise: float, time: float,
-    ) -> tuple[float, float]:  # fmt: skip
-        """One displacement in one direction at one point of the Stribeck curve.
-
-        `travel` [m] within `time` [s]; `rise` is exp(-|v/vs|^delta) in this step, `before` in the
-        one before it. Returns the share of the states that begin to slide in it, and how far a
-        position's error moves the force at which they do [N/m].
-        """
-
-    @staticmethod
-    def release(law: Any, figures: Figures, trace: Any, direction: float) -> float:
-        """The motion in `direction` has ended: everything sticks.
-
-        Returns how far the force is from where it would relax to at zero speed.
-        """
-
-    @staticmethod
-    def finish(law: Any, trace: Any, forces: F64, slips: Any) -> None:
-        """Write the internal forces, and which of them slide, at the end of a pass."""
+_modules: dict[type, ModuleType] = {}
 
 
-_modules: dict[type, FrictionLaw] = {}
-
-
-def register(module: FrictionLaw) -> FrictionLaw:
+def register(module: ModuleType) -> ModuleType:
     """Make a law known to the compiled calls; returns it."""
     _modules[module.Constants] = module
     return module
@@ -173,19 +72,59 @@ def _dispatched(name: str) -> Any:
 
 
 retained = _dispatched("retained")
+"""(law, rate, period): share of a deviation from the sliding force left after `period` [s]; rate
+C/Fc [1/s]."""
 has_presliding = _dispatched("has_presliding")
+"""(law): whether it predicts the force before everything slides; else only zone A is solved."""
 breakaway_travel = _dispatched("breakaway_travel")
+"""(law, coulomb, stiffness, alpha): displacement from relaxed to all sliding, at most [m]."""
 stick_range = _dispatched("stick_range")
+"""(law, forces, known, coulomb): change of the friction force, down and up, within which nothing
+begins to slide. `forces` were known under the Coulomb force `known`; they scale with it."""
 correct = _dispatched("correct")
+"""(law, forces, static, total): at-rest correction: make `forces` add up to `total`, as far as Fs =
+`static` allows."""
 make_trace = _dispatched("make_trace")
+"""(law): workspace of a pass over a move: an array of one record, with at least these fields.
+
+total, shape (ROWS,): the rows above. sliding: share of the law's states that slide, 0 to 1.
+spring: stiffness of what sticks [N/m]. The record itself is the `trace` of the other functions; it
+does not keep the array alive.
+"""
 begin = _dispatched("begin")
+"""(law, figures, trace, forces, known, total): start a pass at rest; at-rest correction of
+`forces`, known under Fc = `known`."""
 resume = _dispatched("resume")
+"""(law, figures, trace, forces, slips): start a pass in any state, without derivatives by what was
+before."""
 slide = _dispatched("slide")
+"""(law, figures, trace, direction): start a pass with everything sliding, as after a long way in
+`direction` (+1, -1)."""
 begin_zone = _dispatched("begin_zone")
+"""(law, trace): zone A begins: an offset of all internal forces is an unknown from here on
+(BY_SLIP)."""
 leap = _dispatched("leap")
+"""(law, figures, trace, travel, direction, fast): take a whole period at once, if that is exact;
+else leave all as it is and return False.
+
+`travel` [m] in `direction` (0 at rest); `fast`: the Stribeck rise is nil.
+"""
 step = _dispatched("step")
+"""(law, figures, trace, travel, direction, before, rise, time): one displacement in one direction
+at one point of the Stribeck curve.
+
+`travel` [m] within `time` [s]; `rise` is exp(-|v/vs|^delta) in this step, `before` in the one
+before it. Returns the share of the states that begin to slide in it, and how far a position's error
+moves the force at which they do [N/m].
+"""
 release = _dispatched("release")
+"""(law, figures, trace, direction): the motion in `direction` has ended: everything sticks.
+
+Returns how far the force is from where it would relax to at zero speed.
+"""
 finish = _dispatched("finish")
+"""(law, trace, forces, slips): write the internal forces, and which of them slide, at the end of a
+pass."""
 
 
 @kernel()

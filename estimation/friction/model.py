@@ -6,24 +6,22 @@ Viscous friction sigma_v v is linear, the same in every law, and added by whoeve
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, cast
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.friction import coulomb, gms, law
-from estimation.friction.law import F64, Figures, FrictionLaw
-from stagedata import FrictionFigures, LawName
+from estimation.friction.law import Figures
+from stagedata import F64, FrictionFigures, LawName
 
-LAWS: dict[LawName, FrictionLaw] = {
-    "gms": law.register(cast(FrictionLaw, gms)),
-    "coulomb": law.register(cast(FrictionLaw, coulomb)),
-}
+LAWS: dict[LawName, ModuleType] = {"gms": law.register(gms), "coulomb": law.register(coulomb)}
 """Friction laws by name, as in `stagedata.friction.LAW_FIGURES`."""
 
 
 def make_constants(friction: FrictionFigures) -> Any:
-    """The law's constants for compiled calls, see `FrictionLaw.Constants`."""
+    """The law's constants for compiled calls, see `estimation.friction.law`."""
     law_of = LAWS[friction.law]
     return law_of.make_constants(
         friction.elements, friction.stribeck_velocity, friction.stribeck_shape
@@ -32,7 +30,8 @@ def make_constants(friction: FrictionFigures) -> Any:
 
 def count_states(friction: FrictionFigures) -> int:
     """How many internal forces the law has."""
-    return LAWS[friction.law].count_states(friction.elements)
+    number: int = LAWS[friction.law].count_states(friction.elements)
+    return number
 
 
 def kernel_figures(friction: FrictionFigures, period: float) -> Figures:
@@ -74,9 +73,14 @@ class FrictionState:
         """Sum of the internal forces [N]."""
         return float(self.forces.sum())
 
+    @property
+    def arrays(self) -> tuple[F64, NDArray[np.bool_], F64]:
+        """All of it, as kernels take it."""
+        return self.forces, self.slipping, self.memory
+
     def copy(self) -> FrictionState:
         """An independent copy."""
-        return FrictionState(self.forces.copy(), self.slipping.copy(), self.memory.copy())
+        return FrictionState(*(array.copy() for array in self.arrays))
 
     def settle_at(self, position: float) -> None:
         """Take `position` [m] as where the axis rests now; the forces stay."""
@@ -89,7 +93,7 @@ class FrictionState:
     def correct(self, total: float, friction: FrictionFigures) -> None:
         """Make the internal forces add up to `total` [N], the force measured at rest.
 
-        As the law says (`FrictionLaw.correct`); what is beyond its static limit is left out.
+        As the law says (`law.correct`); what is beyond its static limit is left out.
         """
         static = friction.coulomb * (1.0 + friction.static_ratio)
         law.correct(make_constants(friction), self.forces, static, total)

@@ -18,8 +18,7 @@ from functools import cache
 import numpy as np
 
 from estimation.friction.gms import element_shares
-from estimation.friction.law import F64
-from stagedata import MAX_ELEMENTS
+from stagedata import F64, MAX_ELEMENTS
 
 _DISPLACEMENT = np.linspace(0.0, 2.0, 201)
 """Up to where the last of very many elements slips, in Fs/sigma0."""

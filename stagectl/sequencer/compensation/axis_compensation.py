@@ -26,7 +26,6 @@ from estimation.friction import (
     friction_feedforward,
     level_with_target,
     state_after,
-    varying_feedforward,
 )
 from estimation.known_effects import KnownTerms
 from estimation.low_speed_friction import LowSpeedFriction
@@ -218,12 +217,10 @@ class AxisCompensation:
         state = self.estimator.at_rest(position, held, moment)
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
         departure = None if variation is None else self._state_at_departure(held)
-        if variation is None or departure is None:
-            force += friction_feedforward(friction, state, trajectory, samples, self._period, ahead)
-        else:
-            force += varying_feedforward(
-                friction, departure, variation, trajectory, self._period, ahead
-            )
+        force += friction_feedforward(
+            friction, departure or state, trajectory, samples, self._period, ahead,
+            variation=None if departure is None else variation,
+        )  # fmt: skip
         return force if known is None else known.offsets(held, force)
 
     def revision_time(self, trajectory: Trajectory) -> float:
@@ -265,16 +262,12 @@ class AxisCompensation:
         samples = len(offsets)
         force, ahead = self._learned_force(trajectory, across, samples), self.acceleration.ahead
         force = force[sent:] - force[sent - 1]
-        if variation is None:
-            force += friction_feedforward(
-                preview.friction, preview.state, trajectory, samples, self._period, ahead, sent
-            )
-        else:
-            state = preview.state.copy()
+        state = preview.state.copy()
+        if variation is not None:
             state.rescale(1.0 + float(variation[sent - 1]))  # sliding elements follow Fc
-            force += varying_feedforward(
-                preview.friction, state, variation, trajectory, self._period, ahead, sent
-            )
+        force += friction_feedforward(
+            preview.friction, state, trajectory, samples, self._period, ahead, sent, variation
+        )
         if self.known is not None:
             now = self.acceleration.mass * trajectory.sample(np.array([sent * self._period]))[2]
             force = self.known.offsets(float(now[0]) + preview.state.total, force, sent)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.kinematics import differences, find_turns
+from estimation.kinematics import differences, find_turns, slope
 
 TS, NOISE = 1e-3, 1e-9
 
@@ -58,3 +58,8 @@ def test_a_motion_stops_where_it_gains_nothing_any_more():
     assert share[stopped] == 1.0
     assert sharpness[stopped] == 0.0
     assert not heading[stopped + 1 :].any()
+
+
+def test_slopes_are_one_sided_at_the_ends_and_a_single_sample_has_none():
+    np.testing.assert_allclose(slope(np.array([0.0, 1.0, 4.0]), 0.5), [2.0, 4.0, 6.0])
+    np.testing.assert_array_equal(slope(np.ones(1), TS), 0.0)

@@ -7,7 +7,7 @@ import pytest
 
 from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
-from estimation.sampled_force import kink_share, modelled_friction, slope, with_mean_force
+from estimation.sampled_force import kink_share, modelled_friction, with_mean_force
 from stagedata import FrictionFigures
 
 TS, MASS, FINE = 1e-3, 8.0, 200
@@ -85,18 +85,3 @@ def test_commanded_and_feedback_force_each_get_their_own_mean():
     together = with_mean_force(move, kink_share(TS, 0.0), None, np.inf)
     off, other = np.std(residual(separate)), np.std(residual(together))
     assert off < 0.1 * other
-
-
-def test_slopes_are_central_and_one_sided_at_the_ends():
-    path = np.random.default_rng(3).normal(size=50)
-    np.testing.assert_allclose(slope(path, TS), np.gradient(path, TS), rtol=1e-12)
-    np.testing.assert_array_equal(slope(path[:1], TS), 0.0)
-
-
-def test_the_friction_modelled_is_that_along_the_samples():
-    friction = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.1, 2e-3, 2.0)
-    path, state = 1e-5 * np.sin(np.linspace(0.0, 6.0, 80)), FrictionState.relaxed(10)
-    move = MoveData(path, np.zeros(80), np.ones(80, np.bool_), 0.0, 0.0)
-    wanted, _ = follow(friction, state.copy(), path, slope(path, TS), TS)
-    np.testing.assert_array_equal(modelled_friction(move, friction, state, TS), wanted)
-    assert state.total == 0.0

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from estimation.friction import FrictionState, follow
-from estimation.friction.coulomb_variation import (
-    follow_varying,
+from estimation.friction import (
+    FrictionState,
+    follow,
+    friction_feedforward,
     level_with_target,
     state_after,
-    varying_feedforward,
 )
-from estimation.friction.feedforward import friction_feedforward
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
@@ -23,30 +22,29 @@ TIME = np.arange(1, SAMPLES + 1) * TS
 POSITION, VELOCITY, _ = MOTION.sample(TIME)
 
 
+def along(state, variation, position=POSITION, velocity=VELOCITY):
+    return follow(FRICTION, state, position, velocity, TS, variation=variation)[0]
+
+
 def test_without_variation_it_is_the_plain_model():
-    one, other = FrictionState.relaxed(10), FrictionState.relaxed(10)
-    flat = np.zeros(SAMPLES)
-    plain, _ = follow(FRICTION, one, POSITION, VELOCITY, TS)
-    assert follow_varying(FRICTION, other, flat, POSITION, VELOCITY, TS) == pytest.approx(
-        plain, abs=1e-9
-    )
-    assert other.forces == pytest.approx(one.forces)
-    start = FrictionState.relaxed(10)
-    assert varying_feedforward(FRICTION, start, flat, MOTION, TS, 1e-4) == pytest.approx(
-        friction_feedforward(FRICTION, start, MOTION, SAMPLES, TS, 1e-4), abs=0.02
-    )
+    state, flat = FrictionState.relaxed(10), np.zeros(SAMPLES)
+    demand = FRICTION, state, MOTION, SAMPLES, TS, 1e-4
+    for sent in (0, 40):
+        np.testing.assert_array_equal(
+            friction_feedforward(*demand, sent, flat), friction_feedforward(*demand, sent)
+        )
 
 
 def test_sliding_follows_the_place_and_sticking_does_not():
     variation = 0.2 * (1.0 - POSITION / 0.025)  # 7.2 N where it begins, 6 N at the target
     state = FrictionState.relaxed(10)
-    force = follow_varying(FRICTION, state, variation, POSITION, VELOCITY, TS)
+    force = along(state, variation)
     sliding = VELOCITY > 0.05
     assert force[sliding] == pytest.approx(6.0 * (1 + variation[sliding]), rel=0.03)
     # At rest nothing slips: whatever Fc does, the elements keep their force.
     rest = state.forces.copy()
     still = np.full(50, POSITION[-1])
-    follow_varying(FRICTION, state, np.linspace(0, -0.5, 50), still, np.zeros(50), TS)
+    along(state, np.linspace(0, -0.5, 50), still, np.zeros(50))
     assert state.forces == pytest.approx(rest)
 
 
@@ -54,7 +52,7 @@ def test_data_made_level_are_those_of_a_flat_table():
     variation = 0.15 * np.cos(40 * POSITION) - 0.15 * np.cos(40 * 0.025)
     real = FrictionState.relaxed(10)
     scaled = real.copy()
-    force = follow_varying(FRICTION, real.copy(), variation, POSITION, VELOCITY, TS)
+    force = along(real.copy(), variation)
     valid = np.ones(SAMPLES, dtype=np.bool_)
     valid[40] = False
     move = MoveData(POSITION.copy(), force, valid, 0.0, 0.0)

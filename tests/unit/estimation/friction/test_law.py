@@ -8,7 +8,7 @@ import pytest
 from estimation.friction import FrictionState, count_states, follow, make_constants
 from estimation.friction.model import LAWS
 from estimation.online import EstimatorSettings
-from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, MASS, RESIDUAL, VISCOUS
+from estimation.online.belief.belief import ALPHA, COULOMB, KNOTS, LEVEL, MASS, RESIDUAL, VISCOUS
 from estimation.online.solver.prepare import Sampled, prepare
 from estimation.online.solver.residual import AtRest, fill_rows, follow_move, make_rows
 from estimation.trajectory import Limits, plan
@@ -111,8 +111,3 @@ def test_far_above_the_stribeck_velocity_all_laws_have_the_coulomb_force(frictio
     force, jacobian = follow(friction, state, position, np.full(199, speed), TS)
     assert force[-1] == pytest.approx(6.0, rel=1e-6)
     assert jacobian[-1, 0] == pytest.approx(1.0, rel=1e-6)
-
-
-def test_an_unknown_law_is_named():
-    with pytest.raises(ValueError, match="law: must be one of gms, coulomb, is 'lugre'"):
-        replace(GMS, law="lugre")

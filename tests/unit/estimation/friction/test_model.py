@@ -53,20 +53,6 @@ def test_a_copy_is_independent():
     assert state.memory[1] == 0.0
 
 
-@pytest.mark.parametrize("force", [3.0, -5.0, 8.0])
-def test_a_force_measured_at_rest_is_what_the_elements_add_up_to(force):
-    state = FrictionState.relaxed(10)
-    state.forces[:] = np.linspace(-0.2, 0.3, 10)
-    state.correct(force, GMS)
-    assert state.total == pytest.approx(force)
-
-
-def test_more_than_the_static_limit_is_left_out():
-    state = FrictionState.relaxed(10)
-    state.correct(50.0, GMS)
-    assert state.total == pytest.approx(6.0 * 1.4)
-
-
 def test_another_coulomb_force_scales_the_elements():
     state = FrictionState.relaxed(4)
     state.forces[:] = [1.0, -2.0, 0.5, 0.0]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from estimation.friction import FrictionState, count_states, follow
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
@@ -24,6 +25,20 @@ SETTINGS = EstimatorSettings(
 )
 
 
+def whole(position, force, time=1.0, rest_force=0.0) -> MoveData:
+    """A move without a sample missing."""
+    return MoveData(position, force, np.ones(len(position), dtype=bool), time, rest_force)
+
+
+def modelled_force(friction, mass, position, state=None, band=0.0) -> np.ndarray:
+    """Force of the model along its own samples, from relaxed rest; ends repeated."""
+    velocity, acceleration = (position[2:] - position[:-2]) / (2 * TS), np.diff(position, 2) / TS**2
+    state = state or FrictionState.relaxed(count_states(friction), float(position[0]))
+    elements, _ = follow(friction, state, position[1:-1], velocity, TS, band=band)
+    inner = elements + friction.viscous * velocity + mass * acceleration
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
 @dataclass
 class Drive:
     """Samples of axis x over a sequence of moves, and where each begins."""
@@ -35,13 +50,10 @@ class Drive:
     def move(self, number: int) -> MoveData:
         begin = self.starts[number] - 2
         end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.position)
-        return MoveData(
-            self.position[begin:end].copy(),
-            self.force[begin:end].copy(),
-            np.ones(end - begin, dtype=bool),
-            begin * TS,
+        return whole(
+            self.position[begin:end].copy(), self.force[begin:end].copy(), begin * TS,
             float(self.force[begin - 3 : begin + 2].mean()),
-        )
+        )  # fmt: skip
 
 
 def only_x(wander: float = 0.01) -> StageSettings:
