@@ -4,9 +4,8 @@
 and `estimate` hold the result, `belief` what is known between moves.
 """
 
-from estimation.online.belief import FIGURES, BeliefSettings
-from estimation.online.estimate import Estimate
-from estimation.online.estimator import SplitHorizonEstimator
-from estimation.online.settings import EstimatorSettings
-
-__all__ = ["FIGURES", "BeliefSettings", "Estimate", "EstimatorSettings", "SplitHorizonEstimator"]
+from estimation.online.belief.belief import FIGURES as FIGURES
+from estimation.online.belief.belief import BeliefSettings as BeliefSettings
+from estimation.online.estimate import Estimate as Estimate
+from estimation.online.estimator import SplitHorizonEstimator as SplitHorizonEstimator
+from estimation.online.settings import EstimatorSettings as EstimatorSettings

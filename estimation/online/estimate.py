@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from estimation.friction.law import F64
-from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, model_at
+from estimation.online.belief.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, model_at
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
@@ -21,7 +20,7 @@ from estimation.online.outcome import (
     Outcome,
 )
 from estimation.online.solver.prepare import TOO_LITTLE, UNKNOWN_STATE, UNUSABLE_FORCE
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 
 INFORMATIVE = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
@@ -189,11 +188,6 @@ class Estimate:
     def misfit(self) -> float:
         """Rms of the whitened residual over all samples used."""
         return self._outcome.misfit
-
-    @property
-    def evaluations(self) -> int:
-        """Passes over the samples."""
-        return self._outcome.evaluations
 
     def _pair(self, name: str, unit: float) -> tuple[float, float]:
         i = FIGURES.index(name)

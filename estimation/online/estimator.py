@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimation.friction.law import F64
 from estimation.friction.model import FrictionState, breakaway_travel, count_states, make_constants
 from estimation.friction.shape import stiffness_doubt
 from estimation.move import MoveData
-from estimation.online.belief import (
+from estimation.online.belief.arrival_cost import copy
+from estimation.online.belief.belief import (
     ALPHA,
     COULOMB,
     FIGURES,
@@ -40,11 +40,11 @@ from estimation.online.belief.scatter import learn_scatter
 from estimation.online.belief.trend import Trend
 from estimation.online.estimate import Estimate, in_own_units, sliding_shown
 from estimation.online.judge import SHOWS_SCALE, scale_covariance
-from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
+from estimation.online.outcome import ACCEPTED, BOUND, JUMP, SCALE, STILL, Outcome
 from estimation.online.settings import EstimatorSettings
 from estimation.online.solver.prepare import FULL_SLIP, Sampled
 from estimation.online.update import State, update_move
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 
 _NONE = np.zeros(0, np.bool_)
 _LEARNED = 0.05
@@ -54,6 +54,8 @@ _LEAST_SHOWN = 0.98
 _FEW, _RECENT = 3, 15
 """Number of accepted moves beyond which the usual misfit is known, and number of the latest ones
 whose median it is."""
+_PATIENCE = 2
+"""This many jumps in a row in the same direction mean that the stage has changed."""
 _MOVES = 15
 """Number of moves over which scatter and what acts beside the model are averaged."""
 _GUESS = 0.3
@@ -334,7 +336,7 @@ class SplitHorizonEstimator:
         if self._frozen or self._is_certain():
             self._moves_to_trust = 0
         elif verdict != STILL:
-            self._moves_to_trust = self.settings.patience + 1
+            self._moves_to_trust = _PATIENCE + 1
         elif np.ptp(move.position[move.valid]) > FULL_SLIP * breakaway_travel(self.friction):
             self._moves_to_trust = max(self._moves_to_trust - 1, 0)
         return self._moves_to_trust == 0
@@ -367,13 +369,13 @@ class SplitHorizonEstimator:
         if outcome.verdict == SCALE:
             self._other_scale = outcome.number
         elif outcome.verdict == ACCEPTED and shows_scale:
-            self._other_scale, self._right = None, self._belief.copy()
+            self._other_scale, self._right = None, copy(self._belief)
         right = self._right
         if self._other_scale is None or right is None:
             return outcome
         if outcome.verdict not in (SCALE, ACCEPTED, JUMP, BOUND):
             return outcome
-        self._belief.take(right)
+        self._belief.mean[:], self._belief.covariance[:] = right
         return outcome._replace(
             verdict=SCALE, figure=MASS, number=self._other_scale, mean=right.mean,
             covariance=right.covariance.copy(),
@@ -417,51 +419,32 @@ class SplitHorizonEstimator:
         self, move: MoveData, state: FrictionState, known: bool, whole: bool, end: float
     ) -> Outcome:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
+        size, disturbed = len(move.position), _NONE if move.disturbed is None else move.disturbed
+        if not len(move.force) == len(move.valid) == size or len(disturbed) not in (0, size):
+            raise ValueError("position, force and valid must have the same length")
+        if np.count_nonzero(move.valid & np.isfinite(move.position) & np.isfinite(move.force)) < 3:
+            raise ValueError("fewer than three valid samples")
+        rest = math.nan if self._rest is None else self._rest
+        sampled = Sampled(move.position, move.force, move.valid, disturbed, rest, move.rest_force)
         elapsed = -1.0 if self._end is None else move.time - self._end
         belief = self._belief
         coulomb = belief.mean.item(COULOMB)
         sure = belief.covariance.item(COULOMB, COULOMB) / coulomb**2 + self._drift
         self._before = (coulomb, sure)
-        rest = math.nan if self._rest is None else self._rest
         if self._carried is None:
             self._aged = 0.0
-            outcome = self._solve(move, rest, elapsed, 0.0, state, known, whole)
         else:
             change, unsure = self._trend.carry(self._carried, end)
             self._aged = max(unsure - sure, 0.0)
             belief.mean[COULOMB] = coulomb * math.exp(change)
-            learned = False
-            try:
-                outcome = self._solve(move, rest, elapsed, self._aged, state, known, whole)
-                learned = whole and outcome.verdict == ACCEPTED
-            finally:
-                if not learned:  # what is in force stays; the trend continues from there
-                    belief.mean[COULOMB] = coulomb
+        between = State(belief, state.forces, state.slipping, state.memory)
+        outcome: Outcome = update_move(
+            sampled, self._axis, self._law, between, elapsed, self._aged, known, whole
+        )
         if whole and outcome.verdict == ACCEPTED:
             self._carried = end
-        return outcome
-
-    def _solve(
-        self,
-        move: MoveData,
-        rest: float,
-        elapsed: float,
-        trend_variance: float,
-        state: FrictionState,
-        known: bool,
-        whole: bool,
-    ) -> Outcome:
-        """Run the compiled update; see `update.update_move`."""
-        size, disturbed = len(move.position), _NONE if move.disturbed is None else move.disturbed
-        if not len(move.force) == len(move.valid) == size or len(disturbed) not in (0, size):
-            raise ValueError("position, force and valid must have the same length")
-        sampled = Sampled(move.position, move.force, move.valid, disturbed, rest, move.rest_force)
-        between = State(self._belief, state.forces, state.slipping, state.memory)
-        outcome: Outcome = update_move(
-            sampled, self._axis, self._law, between, elapsed, trend_variance, known, whole
-        )
-        if outcome.verdict == FEW:
-            raise ValueError("fewer than three valid samples")
+        elif self._carried is not None:  # what is in force stays; the trend continues from there
+            belief.mean[COULOMB] = coulomb
         return outcome
 
     def _note_jump(self, outcome: Outcome) -> None:
@@ -479,7 +462,7 @@ class SplitHorizonEstimator:
         )
         self._jumps = self._jumps + 1 if same_way else 1
         self._jump = change
-        if self._jumps >= self.settings.patience:
+        if self._jumps >= _PATIENCE:
             self._jumps = 0
             self._axis["scale"], self._informed[:] = 1.0, _GUESS
             start = Belief.at_start(self.settings.belief, self._start).covariance

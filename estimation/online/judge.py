@@ -3,7 +3,7 @@
 Of each figure, with mean m and variance P before (-) and after (+) the move:
 
     n = P- - P+                      variance of the change, as of a Kalman filter's step
-    jump:        |ln(m+/m-)| > max(jump sqrt(s n)/m-, jump_share)
+    jump:        |ln(m+/m-)| > max(JUMP_SIGMAS sqrt(s n)/m-, JUMP_SHARE)
     innovation:  z = (m+ - m-)^2 / n, expected 1;  share of information  h = n/P-
     s <- s + h (z - s)/(weight + h)  factor on the figure's variance (Birge's ratio), 1 or more
     gain:        P-/P+ - 1, information of the move over that of the prior; held if it is small
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.online.belief import COULOMB, LAG, LEVEL, MASS, STATES
+from estimation.online.belief.belief import COULOMB, LAG, LEVEL, MASS, STATES
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
@@ -33,6 +33,15 @@ from estimation.online.outcome import (
 )
 from stagedata.compiled import kernel
 
+COMPLETE = 0.8
+"""A move of which less than this share of the samples is valid is followed, but not learned
+from."""
+JUMP_SIGMAS, JUMP_SHARE = 6.0, 0.15
+"""A change of a figure by more than so many predicted standard deviations, and by more than this
+share of it, is refused."""
+LEAST_GAIN = 0.05
+"""A figure to which a move adds less than this share of its prior's information stays at its
+prior."""
 MOSTLY = 0.25
 """A move is rejected if its force was undisturbed in less than this share of the motion."""
 KNOWN_SCALE, SCALE_SHARE = 0.02, 0.05
@@ -73,7 +82,7 @@ def judge(prepared, solution, missed, axis, whole, before, after):  # type: igno
         after: belief after it.
     """
     size, misfit = prepared.samples.position.shape[0], math.sqrt(solution.chi)
-    if whole and prepared.counted < axis.complete * size:
+    if whole and prepared.counted < COMPLETE * size:
         return Verdict(HOLES, -1, prepared.counted / size)
     if whole and prepared.steady < MOSTLY:
         return Verdict(DISTURBED, -1, prepared.steady)
@@ -113,10 +122,10 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
         narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
         if before.covariance[i, i] < (LEARNED * before.mean[i]) ** 2:
             narrowed *= max(axis.scale[i], 1.0)
-        allowed = axis.jump * math.sqrt(narrowed) / before.mean[i]
+        allowed = JUMP_SIGMAS * math.sqrt(narrowed) / before.mean[i]
         # One that is no longer positive has changed beyond any bound.
         change = math.log(max(after.mean[i] / before.mean[i], 1e-9))
-        if abs(change) > max(allowed, axis.jump_share):
+        if abs(change) > max(allowed, JUMP_SHARE):
             return i
     return -1
 
@@ -137,7 +146,7 @@ def is_another_scale(slide, axis, before, after):  # type: ignore[no-untyped-def
         return False
     change = abs(after.mean[MASS] - mean)
     return (
-        change > axis.jump * math.sqrt(narrowed)
+        change > JUMP_SIGMAS * math.sqrt(narrowed)
         and change > SCALE_SHARE * mean * narrowed / variance  # as the move alone shows it
     )
 
@@ -174,7 +183,7 @@ def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-unt
             change = later - earlier
         narrowed = variance - left
         if narrowed > 1e-9 * variance:
-            found[0, i] = min(change * change / narrowed, axis.jump**2)
+            found[0, i] = min(change * change / narrowed, JUMP_SIGMAS**2)
             found[1, i] = narrowed / variance
     return found
 
@@ -212,12 +221,12 @@ def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def
     held, gains = np.zeros(LEVEL, np.bool_), np.empty(LEVEL)
     for i in range(LEVEL):
         gains[i] = before.covariance[i, i] / after.covariance[i, i]
-    for i in range(LEVEL if axis.least_gain > 0.0 else 0):
+    for i in range(LEVEL):
         if gains[i] > (1.0 + 1e-9) ** 2:
             if axis.consider[i]:
                 after.mean[i], after.covariance[i, i] = before.mean[i], before.covariance[i, i]
                 held[i] = True
-            elif gains[i] < 1.0 + axis.least_gain:
+            elif gains[i] < 1.0 + LEAST_GAIN:
                 _hold(i, held, before, after)
                 held[i] = True
         elif mask[i]:

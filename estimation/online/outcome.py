@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.law import F64
+from stagedata import F64
 
-ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, MISSED, BOUND, JUMP, SCALE, FEW = range(11)
+ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, MISSED, BOUND, JUMP, SCALE = range(10)
 """Verdicts: accepted, or why not. Too many samples missing; force disturbed by late setpoints
 in most of the motion; nothing to solve; no solution; residual too large; the model misses too much
-in the moves so far; a figure on its bound; a figure that jumps; another force per acceleration;
-fewer than three valid samples, which is an error."""
+in the moves so far; a figure on its bound; a figure that jumps; another force per acceleration."""
 
 
 class Outcome(NamedTuple):
@@ -24,7 +23,6 @@ class Outcome(NamedTuple):
         figure: that the verdict is about, or -1.
         number: that goes with the verdict; for STILL one of `prepare.TOO_LITTLE` ...
         misfit: rms of the whitened residual.
-        evaluations: passes over the samples.
         slide: samples of zone A that were used.
         stick: the same of the stick zones.
         mean: belief after the move, shape (STATES,).
@@ -46,7 +44,6 @@ class Outcome(NamedTuple):
     figure: int
     number: float
     misfit: float
-    evaluations: int
     slide: int
     stick: int
     mean: F64

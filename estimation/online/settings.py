@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.online.belief import (
+from estimation.online.belief.belief import (
     COULOMB,
     FIGURES,
     FRICTION_FIGURES,
@@ -23,6 +23,8 @@ from estimation.online.belief import (
 )
 from stagedata import FrictionFigures
 
+BOUNDS = 0.05, 20.0
+"""Lowest and highest value of each figure, relative to the start model."""
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
 _ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly determines C; slow ones do
@@ -49,13 +51,7 @@ AXIS = np.dtype(
         ("scatter", np.float64, (LEVEL,)),  # rms of each figure from move to move, relative
         ("excess", np.float64),  # rms of what acts beside the model, over the Coulomb force
         ("peak_force", np.float64),
-        ("slip_spread", np.float64),
-        ("force_step", np.float64),  # negative: to be found out
-        ("complete", np.float64),
         ("misfit", np.float64),
-        ("jump", np.float64),
-        ("jump_share", np.float64),
-        ("least_gain", np.float64),
         ("scale", np.float64, (LEVEL,)),  # mean square of normalised innovations so far
         ("usual_misfit", np.float64),  # of this axis' moves so far
         ("unit", np.float64, (LEVEL,)),  # what the figures are relative to
@@ -81,23 +77,12 @@ class EstimatorSettings:
         peak_force: samples at or beyond it are saturated and left out [N].
         model_error: rms of what the model itself misses, relative to the Coulomb force.
         belief: start and ageing of what is believed.
-        bounds: lowest and highest value of each figure, relative to the start model.
         misfit: largest rms of the whitened residual that is accepted.
-        jump: a change of a figure by more than this many predicted standard deviations, and by
-            more than the share `jump_share` of it, is refused.
-        complete: a move of which less than this share of the samples is valid is followed, but
-            not learned from.
-        patience: this many jumps in a row in the same direction mean that the stage has changed.
         fixed: figures that are never estimated, of `FIGURES`.
         request: figures to estimate in every move beside the usual ones: relaxation_rate (that is
             C; else from moves without zone A only), static_ratio (alpha), lag.
         consider: figures that stay as they are, but whose uncertainty counts in that of the others
             (Schmidt's consider parameters): static_ratio, or none.
-        least_gain: a figure to which a move adds less than this share of its prior's information
-            stays at its prior; 0: every figure is updated.
-        slip_spread: deviation of the element forces where zone A begins from what a fresh slip
-            leaves, relative to the Coulomb force; 0 takes them from the onset.
-        force_step: resolution of the force [N]; None: that of a force whose noise is all rounding.
     """
 
     mass: float
@@ -107,18 +92,10 @@ class EstimatorSettings:
     peak_force: float = math.inf
     model_error: float = 0.01
     belief: BeliefSettings = field(default_factory=BeliefSettings)
-    bounds: tuple[float, float] = (0.05, 20.0)
     misfit: float = 4.5
-    jump: float = 6.0
-    jump_share: float = 0.15
-    complete: float = 0.8
-    patience: int = 2
     fixed: tuple[str, ...] = ()
     request: tuple[str, ...] = ()
     consider: tuple[str, ...] = ()
-    least_gain: float = 0.05
-    slip_spread: float = 0.0
-    force_step: float | None = None
 
     def axis(self, friction: FrictionFigures, frozen: bool = False) -> np.void:
         """What the kernels take of these settings, a record of `AXIS`.
@@ -134,42 +111,26 @@ class EstimatorSettings:
             friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
             self.mass, 1.0, 1.0,
         ]  # fmt: skip
-        low, high = self.bounds
         usual = self._masks(friction, frozen)
         masks = np.stack([usual, usual, usual])
         masks[SHORT, :, RATE] = False
         masks[CALM][:, [STIFFNESS, RATE]] = False
-        values = (
-            self.period,
-            self.position_noise,
-            self.force_noise,
-            self.model_error,
-            self.model_error,
-            self.belief.level,
-            self.belief.wander,
-            self.belief.correlation_time,
-            self.belief.unmodelled,
-            self.belief.unmodelled_length,
-            [self.belief.scatter * (name in SCATTERING) for name in FIGURES],
-            0.0,
-            self.peak_force,
-            self.slip_spread,
-            -1.0 if self.force_step is None else self.force_step,
-            self.complete,
-            self.misfit,
-            self.jump,
-            self.jump_share,
-            self.least_gain,
-            np.ones(LEVEL),
-            math.inf,
-            np.array(unit),
-            np.array([low] * 5 + [-0.9, -1.5]),
-            np.array([high] * 5 + [5.0, 1.5]),
-            np.array(self.belief.drift),
-            np.isin(FIGURES, self.consider),
-            masks,
-        )
-        made: np.void = np.array([values], AXIS)[0]
+        belief = self.belief
+        own = {n: getattr(self, n, getattr(belief, n, 0.0)) for n in AXIS.names or ()}
+        own |= {
+            "usual_error": self.model_error,
+            "wander": belief.level,
+            "usual_wander": belief.wander,
+            "scatter": [belief.scatter * (name in SCATTERING) for name in FIGURES],
+            "scale": np.ones(LEVEL),
+            "usual_misfit": math.inf,
+            "unit": unit,
+            "lower": [BOUNDS[0]] * 5 + [-0.9, -1.5],
+            "upper": [BOUNDS[1]] * 5 + [5.0, 1.5],
+            "consider": np.isin(FIGURES, self.consider),
+            "masks": masks,
+        }
+        made: np.void = np.array([tuple(own.values())], AXIS)[0]
         return made
 
     def _masks(self, friction: FrictionFigures, frozen: bool) -> NDArray[np.bool_]:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.law import F64, correct
-from estimation.online.belief import (
+from estimation.friction.law import correct
+from estimation.online.belief.arrival_cost import age, copy, decay, knots_of
+from estimation.online.belief.belief import (
     ALPHA,
     COULOMB,
     FORCE,
@@ -24,7 +25,6 @@ from estimation.online.belief import (
     STATES,
     Belief,
 )
-from estimation.online.belief.arrival_cost import age, copy, decay, knots_of
 from estimation.online.belief.scatter import scattered, temper
 from estimation.online.judge import (
     find_jump,
@@ -35,11 +35,12 @@ from estimation.online.judge import (
     normalised_innovations,
     sliding_level,
 )
-from estimation.online.outcome import ACCEPTED, FEW, JUMP, Outcome
+from estimation.online.outcome import ACCEPTED, JUMP, Outcome
 from estimation.online.settings import CALM, SHORT, USUAL
 from estimation.online.solver.prepare import prepare
 from estimation.online.solver.residual import AtRest, follow_move
 from estimation.online.solver.solve import FAILED, SOLVED, Problem, Solution, model_variance, solve
+from stagedata import F64
 from stagedata.compiled import kernel
 
 
@@ -63,10 +64,8 @@ class State(NamedTuple):
 def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole):  # type: ignore[no-untyped-def]
     """Learn from a move, and carry the friction state to its end.
 
-    A move with fewer than three valid samples changes nothing; its verdict is FEW.
-
     Args:
-        sampled: the move.
+        sampled: the move, of three valid samples at least.
         axis: settings.
         law: constants of the friction law.
         state: after the last move; updated, of a move that is not over only the friction state.
@@ -80,8 +79,6 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     before = age(state.belief, elapsed, trend_variance, axis)
     known = known and (not math.isnan(sampled.rest) or sampled.valid[0])
     prepared = prepare(sampled, axis, law, coulomb, before.mean, known, whole)
-    if prepared.counted < 3:
-        return _nothing(before)
     static = coulomb * (1.0 + before.mean[LEVEL]) * (1.0 + before.mean[ALPHA])
     unmodelled = axis.unit[COULOMB] * before.mean[FORCE]
     correct(law, state.forces, static, sampled.rest_force - unmodelled)
@@ -93,7 +90,7 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     )  # fmt: skip
     after = copy(before)
     met = scattered(before, axis)
-    solution, evaluations, stick = _solve_zones(problem, met, after)
+    solution, stick = _solve_zones(problem, met, after)
     # What was found holds at the move's end: so must what it is compared with.
     decay(before, time, place, axis)
     decay(met, time, place, axis)
@@ -113,14 +110,12 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     found, gain, held, sliding = _settle(verdict, solution, axis, asked, before, after)
     believed = after if verdict.code == ACCEPTED else before
     if whole:
-        for i in range(STATES):
-            state.belief.mean[i] = believed.mean[i]
-            for j in range(STATES):
-                state.belief.covariance[i, j] = believed.covariance[i, j]
+        state.belief.mean[:] = believed.mean
+        state.belief.covariance[:] = believed.covariance
     _carry_state(problem, believed, state)
     return Outcome(
-        verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
-        prepared.slide, stick, believed.mean, believed.covariance, _variances(before),
+        verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi),
+        prepared.slide, stick, believed.mean, believed.covariance, np.diag(before.covariance),
         found, gain, held, sliding, solution.unmodelled, solution.wander,
         missed, innovations, scatter,
     )  # fmt: skip
@@ -159,26 +154,6 @@ def _missed(solution, axis, coulomb):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _variances(belief):  # type: ignore[no-untyped-def]
-    """Of all states, shape (STATES,)."""
-    variances = np.empty(STATES)
-    for i in range(STATES):
-        variances[i] = belief.covariance[i, i]
-    return variances
-
-
-@kernel()
-def _nothing(belief):  # type: ignore[no-untyped-def]
-    """Outcome of a move with next to no samples."""
-    mean, covariance, ones = belief.mean, belief.covariance, np.ones(STATES)
-    return Outcome(
-        FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, _variances(belief), mean, ones,
-        np.zeros(LEVEL, np.bool_), np.zeros(4), (0.0, 0.0), (0.0, 0.0), 0.0,
-        np.zeros((2, MASS)), np.zeros((2, MASS)),
-    )  # fmt: skip
-
-
-@kernel()
 def _zones_of(slide, stick):  # type: ignore[no-untyped-def]
     """Row of a kind's masks (`settings.AXIS`), by the samples in zone A and in stick zones."""
     return 0 if stick == 0 else 1 if slide == 0 else 2
@@ -190,8 +165,8 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
 
     Where that ends on a bound, zone A alone is believed.
 
-    `before`: belief before the move; `after`: written. Returns the last solution, passes over the
-    samples, and samples of the stick zones used.
+    `before`: belief before the move; `after`: written. Returns the last solution, and samples of
+    the stick zones used.
     """
     prepared, axis = problem.prepared, problem.axis
     slide, stick = prepared.slide, prepared.stick
@@ -199,27 +174,23 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     for i in range(LEVEL):
         p[i] = before.mean[i]
     masks = axis.masks[_kind_of(prepared)]
-    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, 0.0, (0.0, 0.0), (0.0, 0.0)), 0
+    solution = Solution(SOLVED, -1, 0.0, 0.0, 0.0, (0.0, 0.0), (0.0, 0.0))
     if slide > 0:
         solution = solve(problem, False, stick > 0, masks[0], before, p, after)
-        evaluations += solution.evaluations
         if solution.bound >= 0 and stick > 0:
             # Perhaps for taking the encoder for exact; if not, what is left over under all noise
             # says how far the model is from what happened.
             solution = solve(problem, False, False, masks[0], before, p, after)
-            evaluations += solution.evaluations
             if solution.bound >= 0:
                 stick = 0
     if stick > 0 and solution.status == SOLVED:
         solution = solve(problem, True, False, masks[_zones_of(slide, stick)], before, p, after)
-        evaluations += solution.evaluations
         if slide > 0 and solution.bound >= 0:
             # What sticks is not as the law has it, which zone A does not depend on.
             for i in range(p.shape[0]):
                 p[i] = before.mean[i] if i < LEVEL else 0.0
             solution, stick = solve(problem, False, False, masks[0], before, p, after), 0
-            evaluations += solution.evaluations
-    return solution, evaluations, stick
+    return solution, stick
 
 
 @kernel()
@@ -233,8 +204,6 @@ def _kind_of(prepared):  # type: ignore[no-untyped-def]
 @kernel()
 def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
     """Resolution of the force for `share_rounding` [N]; 0: not applied. `coulomb`: Fc [N]."""
-    if axis.force_step >= 0.0:
-        return axis.force_step
     # Where the model misses more than that, rounding is not what matters.
     missed = axis.model_error * coulomb > 2.0 * axis.force_noise
     return 0.0 if missed else math.sqrt(12.0) * axis.force_noise

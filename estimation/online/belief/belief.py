@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.friction import F64
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 
 FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio", "lag")
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
@@ -88,14 +87,6 @@ class Belief(NamedTuple):
         spread = np.array([*settings.start_spread, settings.level, settings.unmodelled])
         mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0, 0.0])
         return cls(mean, np.diag(spread**2) + 1e-12 * np.eye(STATES))
-
-    def copy(self) -> Belief:
-        """An independent copy."""
-        return Belief(self.mean.copy(), self.covariance.copy())
-
-    def take(self, other: Belief) -> None:
-        """Copy another belief into this one."""
-        self.mean[:], self.covariance[:] = other
 
     def set_apart(self, figure: int, value: float, sigma: float) -> None:
         """Set one state (figure, level or unmodelled force), independent of all others."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from estimation.friction.law import stick_range
-from estimation.online.belief import COULOMB, MASS, STIFFNESS, VISCOUS
+from estimation.online.belief.belief import COULOMB, MASS, STIFFNESS, VISCOUS
 from estimation.online.solver.zones import REST, SLIDE
 from stagedata.compiled import kernel
 

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.law import F64, breakaway_travel, has_presliding
+from estimation.friction.law import breakaway_travel, has_presliding
 from estimation.kinematics import differences, find_turns
-from estimation.online.belief import ALPHA, STIFFNESS
+from estimation.online.belief.belief import ALPHA, STIFFNESS
 from estimation.online.solver.zones import REST, SLIDE, STICK, mark_zones
+from stagedata import F64
 from stagedata.compiled import kernel
 
 REST_AFTER = 0.05

@@ -23,7 +23,6 @@ from estimation.friction.law import (
     BY_SLIP,
     BY_STIFFNESS,
     BY_TURN,
-    F64,
     FAR_ABOVE,
     FORCE,
     NO_SUBSTEPS,
@@ -39,7 +38,7 @@ from estimation.friction.law import (
     step,
     stribeck_rise,
 )
-from estimation.online.belief import (
+from estimation.online.belief.belief import (
     ALPHA,
     COULOMB,
     KNOTS,
@@ -54,6 +53,7 @@ from estimation.online.belief import (
     TURN_FORCE,
     VISCOUS,
 )
+from stagedata import F64
 from stagedata.compiled import kernel
 
 SUBSTEPS = 4

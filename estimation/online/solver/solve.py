@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from estimation.friction.law import F64
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
-from estimation.online.belief import (
+from estimation.online.belief.arrival_cost import joint_prior, take_over
+from estimation.online.belief.belief import (
     ALPHA,
     COULOMB,
     KNOTS,
@@ -35,7 +35,6 @@ from estimation.online.belief import (
     TURN_FORCE,
     VISCOUS,
 )
-from estimation.online.belief.arrival_cost import joint_prior, take_over
 from estimation.online.solver.onset import first_stiffness
 from estimation.online.solver.prepare import Prepared
 from estimation.online.solver.residual import AtRest, fill_rows, make_rows
@@ -49,6 +48,7 @@ from estimation.online.solver.whitening import (
     whiten,
 )
 from estimation.online.solver.zones import REST, SLIDE
+from stagedata import F64
 from stagedata.compiled import kernel
 
 LEVEL_BOUND = 0.6
@@ -80,7 +80,6 @@ class Solution(NamedTuple):
         status: SOLVED or FAILED.
         bound: figure that ended on its bound, or -1.
         chi: mean square of the whitened residual.
-        evaluations: passes over the samples.
         unmodelled: what the move shows of the unmodelled force, see `_show_process`.
         wander: the same of the level.
         slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: as
@@ -91,7 +90,6 @@ class Solution(NamedTuple):
     status: int
     bound: int
     chi: float
-    evaluations: int
     slow: float
     under_usual: float
     unmodelled: tuple[float, float]
@@ -246,7 +244,7 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
             unmodelled = _show_process(value, information, figures + knots, forces, axis.unmodelled)
         else:
             status = FAILED
-    return Solution(status, bound, chi, evaluations, slow, under_usual, unmodelled, wander)
+    return Solution(status, bound, chi, slow, under_usual, unmodelled, wander)
 
 
 @kernel()
@@ -418,7 +416,7 @@ def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, informatio
     `doubts`: of the friction force behind the last turn, and where zone A begins [N].
     """
     pull = axis.unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise
-    fresh = (axis.slip_spread if whole else FREE_SLIP) * axis.unit[COULOMB] * p[COULOMB]
+    fresh = 0.0 if whole else FREE_SLIP * axis.unit[COULOMB] * p[COULOMB]
     white += (LEFT_OPEN * axis.unit[COULOMB] * axis.unmodelled) ** 2
     for a in range(unknowns.shape[0]):
         variance = 0.0

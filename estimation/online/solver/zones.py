@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from estimation.friction import breakaway_travel
 from estimation.kinematics import differences, find_turns
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 SLIP_MARGIN = 6.0
 """Zone A begins after this many breakaway travels (2 would do if the model were right) ..."""

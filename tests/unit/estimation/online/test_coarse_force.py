@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from estimation.friction import FrictionState, breakaway_travel, follow
+from estimation.friction import breakaway_travel
 from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.online.belief import BeliefSettings
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.solver.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
+from tests.unit.estimation.online.moves import modelled_force, whole
 
 TS, STEP = 1e-3, 0.05
 PRIOR, PRIOR_SIGMA = 900.0, 100.0
@@ -22,21 +23,17 @@ SETTINGS = EstimatorSettings(
 )  # fmt: skip
 
 
-def move(seed: int, start: float) -> MoveData:
-    """25 mm that overshoot by 0.2 um, from elements at rest that add up to `start` [N]."""
+def move(seed: int) -> MoveData:
+    """25 mm that overshoot by 0.2 um."""
     generator = np.random.default_rng(seed)
     time = (np.arange(-5, 330) + generator.uniform()) * TS
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
     x = motion.sample(time)[0]
     behind = np.clip(time - motion.duration, 0.0, None)
     x = x + 0.3e-6 * np.exp(-behind / 15e-3) * np.sin(2 * np.pi * behind / 40e-3)
-    v, a = (x[2:] - x[:-2]) / (2 * TS), np.diff(x, 2) / TS**2
-    state = FrictionState.relaxed(4, float(x[0]))
-    state.forces += start / 4
-    inner = follow(TRUE, state, x[1:-1], v, TS, band=0.0)[0] + TRUE.viscous * v + a
-    force = np.round(np.concatenate([inner[:1], inner, inner[-1:]]) / STEP) * STEP
+    force = np.round(modelled_force(TRUE, 1.0, x) / STEP) * STEP
     noise = generator.normal(0.0, 1e-9, len(x))
-    return MoveData(x + noise, force, np.ones(len(x), dtype=bool), 1.0, float(force[:4].mean()))
+    return whole(x + noise, force, rest_force=float(force[:4].mean()))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -44,7 +41,7 @@ def test_what_a_first_move_does_not_tell_stays_at_its_prior(seed):
     prior = FrictionFigures(4, 2.0, 1.0, PRIOR, 2.0, 0.5, 1e-3, 1.0)
     estimator = SplitHorizonEstimator(prior, SETTINGS)
     estimator.at_rest(0.0, 0.0, 0.0)
-    first = estimator.update(move(seed, 0.0))
+    first = estimator.update(move(seed))
     assert first.accepted
     assert "A" in first.zones
     assert first.friction.coulomb == pytest.approx(2.0, rel=0.02)
@@ -53,7 +50,7 @@ def test_what_a_first_move_does_not_tell_stays_at_its_prior(seed):
 
 
 def test_zone_a_of_a_soft_contact_begins_behind_the_breakaway():
-    data = move(0, 0.0)
+    data = move(0)
     slide = np.flatnonzero(split(data.position, TRUE, TS) == SLIDE)
     assert len(slide) > 80
     assert data.position[slide[0]] > breakaway_travel(TRUE)

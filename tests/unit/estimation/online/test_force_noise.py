@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from estimation.friction import FrictionState, follow
-from estimation.move import MoveData
-from estimation.online.belief import BeliefSettings
+from estimation.friction import FrictionState
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from stagedata import FrictionFigures
+from tests.unit.estimation.online.moves import modelled_force, whole
 
 TS, ENCODER, MASS, REST = 1e-3, 1e-9, 8.0, 5
 TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
@@ -26,12 +26,7 @@ def motion(length: float = 25e-3) -> np.ndarray:
 def exact():
     """Positions and the force that goes with them."""
     x = motion()
-    velocity, acceleration = (x[2:] - x[:-2]) / (2.0 * TS), np.diff(x, 2) / TS**2
-    elements, _ = follow(
-        TRUE, FrictionState.relaxed(4, float(x[0])), x[1:-1], velocity, TS, band=0.0
-    )
-    inner = elements + TRUE.viscous * velocity + MASS * acceleration
-    return x, np.concatenate([inner[:1], inner, inner[-1:]])
+    return x, modelled_force(TRUE, MASS, x)
 
 
 def stiffness(exact, noise: float, runs: int) -> tuple[np.ndarray, float]:
@@ -48,12 +43,9 @@ def stiffness(exact, noise: float, runs: int) -> tuple[np.ndarray, float]:
         estimator = SplitHorizonEstimator(
             TRUE.scaled(0.5), settings, state=FrictionState.relaxed(4)
         )
-        estimate = estimator.update(
-            MoveData(
-                position + ENCODER * rng.normal(size=len(position)), seen,
-                np.ones(len(seen), dtype=bool), 1.0, float(seen[: REST - 1].mean()),
-            )
-        )  # fmt: skip
+        moved = position + ENCODER * rng.normal(size=len(position))
+        rest = float(seen[: REST - 1].mean())
+        estimate = estimator.update(whole(moved, seen, rest_force=rest))
         assert estimate.accepted, estimate.reason
         errors[run] = estimate.friction.stiffness / TRUE.stiffness - 1.0
         sigmas[run] = estimate.sigma["stiffness"] / TRUE.stiffness

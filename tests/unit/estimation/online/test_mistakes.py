@@ -19,15 +19,15 @@ import pytest
 
 from estimation.friction import FrictionState, follow
 from estimation.friction.feedforward import friction_feedforward
-from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.offline.identify import OfflineSettings, identify
+from estimation.offline import OfflineSettings, identify
 from estimation.offline.records import Samples
-from estimation.online.belief import BeliefSettings
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.solver.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
+from tests.unit.estimation.online.moves import whole as data
 
 TS, MASS, FINE = 1e-3, 8.0, 20
 TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
@@ -55,10 +55,6 @@ def record(
     state = FrictionState.relaxed(model.elements, float(x[0])) if state is None else state
     force, _ = follow(model, state, x, v, TS / FINE, 1, 0.0)
     return x[::FINE].copy(), (mass * a + model.viscous * v + force)[::FINE].copy()
-
-
-def data(position, force, time=1.0, rest_force=0.0) -> MoveData:
-    return MoveData(position, force, np.ones(len(position), dtype=bool), time, rest_force)
 
 
 def knowing(model=TRUE, settings=SETTINGS) -> SplitHorizonEstimator:

@@ -7,14 +7,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solveh_banded
 
-from estimation.friction import FrictionState, element_shares, follow
+from estimation.friction import REST_BAND, FrictionState, element_shares, follow
 from estimation.move import MoveData
-from estimation.offline.model import Figures, Level, Path, lead, make_prediction, make_state
-from estimation.online.belief import BeliefSettings
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
+from estimation.online.settings import BOUNDS
 from estimation.online.solver.zones import REST, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
+from tests.unit.estimation.online.moves import modelled_force, whole
 
 TS, MASS = 1e-3, 8.0
 SETTINGS = EstimatorSettings(
@@ -47,24 +48,18 @@ def move(friction: FrictionFigures, target: float, seed: int) -> MoveData:
     rng = np.random.default_rng(seed)
     force = predicted(friction, MASS, clean) + rng.normal(0.0, 0.0115, len(clean))
     position = clean + rng.normal(0.0, 1e-9, len(clean))
-    return MoveData(position, force, np.ones(len(clean), dtype=bool), 1.0, 0.0)
+    return whole(position, force)
 
 
 def predicted(friction: FrictionFigures, mass: float, position):
-    """Model force at every sample; ends repeated."""
-    velocity = (position[2:] - position[:-2]) / (2 * TS)
-    acceleration = np.diff(position, 2) / TS**2
-    state = FrictionState.relaxed(friction.elements, float(position[0]))
-    elements, _ = follow(friction, state, position[1:-1], velocity, TS)
-    inner = elements + friction.viscous * velocity + mass * acceleration
-    return np.concatenate([inner[:1], inner, inner[-1:]])
+    return modelled_force(friction, mass, position, band=REST_BAND)
 
 
-def knowing(friction: FrictionFigures) -> SplitHorizonEstimator:
+def knowing(friction: FrictionFigures, settings=SETTINGS) -> SplitHorizonEstimator:
     rest = FrictionState.relaxed(friction.elements)
-    estimator = SplitHorizonEstimator(friction, SETTINGS, state=rest)
+    estimator = SplitHorizonEstimator(friction, settings, state=rest)
     estimator.at_rest(0.0, 0.0, 0.0)
-    estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), 0.0, 0.0))
+    estimator.update(whole(np.zeros(5), np.zeros(5), 0.0))
     return estimator
 
 
@@ -92,7 +87,7 @@ def test_the_answer_is_finite_bounded_and_no_worse_than_the_start(truth, scale, 
     start = truth.scaled(scale)
     data, estimator = move(truth, sign * target, seed), knowing(start)
     estimate = estimator.update(data)
-    low, high = SETTINGS.bounds
+    low, high = BOUNDS
     for name in ("coulomb", "viscous", "stiffness", "relaxation_rate"):
         value, begun = getattr(estimate.friction, name), getattr(start, name)
         assert low * begun * (1 - 1e-9) <= value <= high * begun * (1 + 1e-9), name
@@ -155,7 +150,7 @@ def test_bad_samples_never_make_a_wrong_update(truth, target, seed, spoil):
     start = truth.scaled(0.9)
     estimator = SplitHorizonEstimator(start, replace(SETTINGS, peak_force=150.0))
     estimator.at_rest(0.0, 0.0, 0.0)
-    estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), 0.0, 0.0))
+    estimator.update(whole(np.zeros(5), np.zeros(5), 0.0))
     estimate = estimator.update(replace(data, position=position, force=force, valid=valid))
     assert np.isfinite(list(estimate.sigma.values())).all()
     assert np.isfinite(estimator.state.forces).all()
@@ -181,25 +176,3 @@ def test_element_forces_stay_within_their_limits(friction, seed, size):
     assert np.abs(force).max() <= most * (1 + 1e-9)
     limits = element_shares(friction.elements) * most
     assert (np.abs(state.forces) <= limits * (1 + 1e-9)).all()
-
-
-@settings(max_examples=30, deadline=None, derandomize=True)
-@given(
-    friction=frictions, asymmetry=st.floats(-0.3, 0.3), level=st.floats(-0.1, 0.1),
-    seed=st.integers(0, 999),
-)  # fmt: skip
-def test_the_general_model_is_bounded_too(friction, asymmetry, level, seed):
-    rng = np.random.default_rng(seed)
-    count = friction.elements
-    springs, shares = rng.uniform(0.05, 1.0, (2, count))
-    springs, shares = springs / springs.sum(), shares / shares.sum()
-    x = 1e-4 * np.cumsum(rng.normal(0.0, 0.3, 150))
-    figures = Figures(
-        friction.coulomb, friction.stiffness, friction.relaxation_rate, friction.static_ratio,
-        friction.stribeck_velocity, friction.stribeck_shape, asymmetry, springs, shares,
-    )  # fmt: skip
-    path, found = Path(x, np.gradient(x, TS), TS, 0.0), make_prediction(150, count, 4, 0)
-    lead(figures, Level(np.full(4, level), 0.05), path, make_state(x[0], count, 4, 0), found)
-    most = friction.coulomb * (1 + abs(asymmetry)) * (1 + level)
-    assert np.abs(found.force).max() <= most * max(1.0 + friction.static_ratio, 1.0) * (1 + 1e-9)
-    assert all(np.isfinite(column).all() for column in found)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from estimation.online import BeliefSettings, EstimatorSettings
-from estimation.online.belief import COULOMB, KNOTS, VISCOUS
 from estimation.online.belief.arrival_cost import age, decay, joint_prior, knots_of, take_over
-from estimation.online.belief.belief import LEVEL, MASS, Belief
+from estimation.online.belief.belief import COULOMB, KNOTS, LEVEL, MASS, VISCOUS, Belief
 from stagedata import FrictionFigures
 
 START = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)

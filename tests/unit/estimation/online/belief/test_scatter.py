@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.online.belief import Belief
+from estimation.online.belief.belief import Belief
 from estimation.online.belief.scatter import learn_scatter, temper
 from estimation.online.estimator import SplitHorizonEstimator
 from tests.unit.estimation.online.moves import SEQUENCE, TRUE, drive, learn

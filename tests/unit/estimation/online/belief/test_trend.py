@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from estimation.online.belief import BeliefSettings
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.belief.trend import LASTING, RATE, Trend
 
 WANDER, CORRELATION = 0.01, 0.5

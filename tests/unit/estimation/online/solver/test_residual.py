@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 
 from estimation.friction import FrictionState, follow, make_constants
-from estimation.online.belief import (
-    ALPHA,
-    COULOMB,
+from estimation.online.belief.belief import (
     FIGURES,
     KNOTS,
     LAG,
     LEVEL,
     ORIGIN,
-    RATE,
     RESIDUAL,
     REST_FORCE,
     SLIP_FORCE,
@@ -99,18 +96,6 @@ def test_every_derivative_is_that_of_the_residual(problem, column):
         np.testing.assert_allclose(derivative, numeric, atol=1e-6 * scale)
     else:
         np.testing.assert_allclose(derivative, numeric, atol=2e-3 * scale)
-
-
-def test_both_directions_are_mirror_images():
-    position = there_and_back()
-    force = np.zeros(len(position))
-    p = at_truth()
-    plus = Problem(position, force).columns(p)
-    minus = Problem(-position, force).columns(p)
-    np.testing.assert_allclose(minus[RESIDUAL], -plus[RESIDUAL], atol=1e-9)
-    np.testing.assert_allclose(minus[COULOMB], -plus[COULOMB], atol=1e-9)
-    np.testing.assert_allclose(minus[ALPHA], -plus[ALPHA], atol=1e-9)
-    np.testing.assert_allclose(minus[RATE], -plus[RATE], atol=1e-9)
 
 
 def test_follows_the_finely_integrated_model():

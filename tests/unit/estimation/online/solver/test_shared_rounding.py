@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from estimation.friction import FrictionState, follow
-from estimation.move import MoveData
+from estimation.friction import FrictionState
 from estimation.noise import quantisation
-from estimation.online.belief import BeliefSettings
+from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.solver.shared_rounding import share_rounding
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
+from tests.unit.estimation.online.moves import modelled_force, whole
 
 TS, STEP, MASS, COUNT = 1e-3, 0.04, 8.0, 200
 TIME = np.arange(COUNT + 2)
@@ -84,21 +84,14 @@ def test_sigma_at_constant_speed_covers_a_force_in_steps(step):
         )
         motion = plan(0.0, 15e-3 * rng.uniform(0.9, 1.1), Limits(0.1, 2.0, 130.0))
         x = motion.sample((np.arange(-5, int(motion.duration / TS) + 70) + rng.uniform()) * TS)[0]
-        v, a = (x[2:] - x[:-2]) / (2 * TS), np.diff(x, 2) / TS**2
-        elements = follow(true, FrictionState.relaxed(4), x[1:-1], v, TS, band=0.0)[0]
-        inner = elements + true.viscous * v + MASS * a
-        force = np.concatenate([inner[:1], inner, inner[-1:]])
+        force = modelled_force(true, MASS, x)
         shift = rng.uniform(0.0, step)
         force = np.round((force + shift) / step) * step - shift
         estimator = SplitHorizonEstimator(
             FrictionFigures(4, 3.0, 10.0, *OTHERS), settings, state=FrictionState.relaxed(4)
         )
-        estimate = estimator.update(
-            MoveData(
-                x + rng.normal(0.0, 1e-9, len(x)), force, np.ones(len(x), bool), 1.0,
-                float(force[:4].mean()),
-            )
-        )  # fmt: skip
+        seen = x + rng.normal(0.0, 1e-9, len(x))
+        estimate = estimator.update(whole(seen, force, rest_force=float(force[:4].mean())))
         assert estimate.accepted
         found, sigma = estimate.friction, estimate.sigma
         scores.append(
