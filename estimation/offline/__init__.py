@@ -8,12 +8,8 @@ sigma and verdict of each figure, and `held_out` compares estimates with their p
 were left out.
 """
 
-from estimation.offline.identify import (
-    Figure,
-    Identification,
-    OfflineSettings,
-    identify,
-)
-from estimation.offline.records import Samples
-
-__all__ = ["Figure", "Identification", "OfflineSettings", "Samples", "identify"]
+from estimation.offline.identify import Figure as Figure
+from estimation.offline.identify import Identification as Identification
+from estimation.offline.identify import identify as identify
+from estimation.offline.records import OfflineSettings as OfflineSettings
+from estimation.offline.records import Samples as Samples

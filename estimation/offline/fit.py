@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64
 from estimation.least_squares import gauss_newton_step
-from estimation.offline.linearise import Noise, NormalEquations, Point, Residual
-from estimation.offline.records import Record
+from estimation.offline.linearise import NormalEquations, Point, Residual
+from estimation.offline.records import OfflineSettings, Record
 from estimation.offline.unknowns import Unknowns
+from stagedata import F64
 
 MAX_ITERATIONS, HALVINGS, TOLERANCE = 25, 6, 0.02
 """A step below TOLERANCE posterior standard deviations ends it ..."""
@@ -75,24 +75,26 @@ class _Iterate:
 
 
 class Problem:
-    """Records, noise and unknowns of one axis; `solve` finds a minimum.
+    """Records and unknowns of one axis; `solve` finds a minimum.
 
     Args:
         records: of the axis.
         unknowns: what is estimated.
-        noise: of the residual.
+        settings: noise of the residual.
 
     Attributes:
         counted: blocks that have a sample that counts.
         speeds: highest speed in each block [m/s].
     """
 
-    def __init__(self, records: Sequence[Record], unknowns: Unknowns, noise: Noise) -> None:
+    def __init__(
+        self, records: Sequence[Record], unknowns: Unknowns, settings: OfflineSettings
+    ) -> None:
         self.unknowns = unknowns
         self.counted = [bool(r.used[a:b].any()) for r in records for a, b in r.blocks]
         self.speeds = [float(np.abs(r.velocity[a:b]).max()) for r in records for a, b in r.blocks]
-        self._residual = Residual(records, unknowns, noise)
-        self._wander = max(noise.wander, 1e-3)
+        self._residual = Residual(records, unknowns, settings)
+        self._wander = max(settings.wander, 1e-3)
 
     @property
     def blocks(self) -> int:

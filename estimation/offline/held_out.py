@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64
 from estimation.offline.fit import Fit, Problem
 from estimation.offline.unknowns import chosen
+from stagedata import F64
 
 FOLDS = 3
 """Parts of the blocks that are left out in turn."""

@@ -21,11 +21,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, breakaway_travel
+from estimation.friction import breakaway_travel
 from estimation.offline.fit import MAX_ITERATIONS, Fit, NoSolutionError, Problem
 from estimation.offline.held_out import BETTER, UNTESTED, Selection, select
-from estimation.offline.linearise import Noise
-from estimation.offline.records import Samples, joined, record
+from estimation.offline.records import OfflineSettings, Samples, joined, record
 from estimation.offline.uncertainty import (
     ESTIMATED,
     PRIOR,
@@ -41,45 +40,14 @@ from estimation.offline.unknowns import (
     FRICTION,
     MASS,
     RIPPLE,
-    Prior,
     Unknowns,
     chosen,
     unknowns,
 )
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 
 KNOWN_AFTER = 4.0
 """Breakaway travels in one direction after which all elements slip, whatever their state was."""
-
-
-@dataclass(frozen=True, slots=True)
-class OfflineSettings:
-    """How an axis is identified.
-
-    Attributes:
-        mass: moved mass [kg].
-        period: of the samples [s].
-        position_noise: rms of a sampled position, encoder increment included [m].
-        force_noise: rms of a sampled force, its resolution included [N].
-        peak_force: samples at or beyond it are left out [N].
-        wander: rms of the level.  correlation_time: of it [s].
-        model_error: rms of what the model itself misses, relative to the Coulomb force.
-        prior: how far the figures are believed before.
-        misfit: largest rms of the whitened residual that is accepted.
-        least: fewest samples in motion.
-    """
-
-    mass: float
-    period: float
-    position_noise: float
-    force_noise: float
-    peak_force: float = math.inf
-    wander: float = 0.01
-    correlation_time: float = 0.5
-    model_error: float = 0.003
-    prior: Prior = field(default_factory=Prior)
-    misfit: float = 3.0
-    least: int = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,16 +188,9 @@ def _pose(
 ) -> tuple[Problem, int]:
     """The least-squares problem, and how many samples count in it."""
     travel = KNOWN_AFTER * breakaway_travel(friction)
-    records = [
-        record(m, settings.period, settings.position_noise, settings.peak_force, travel)
-        for m in joined(moves, settings.period)
-    ]
-    noise = Noise(
-        settings.period, settings.position_noise, settings.force_noise,
-        settings.model_error * friction.coulomb, settings.wander, settings.correlation_time,
-    )  # fmt: skip
-    u = unknowns(friction, settings.mass, settings.period, settings.prior)
-    return Problem(records, u, noise), sum(int(r.used.sum()) for r in records)
+    records = [record(m, settings, travel) for m in joined(moves, settings.period)]
+    u = unknowns(friction, settings.mass, settings.period)
+    return Problem(records, u, settings), sum(int(r.used.sum()) for r in records)
 
 
 def _estimate(problem: Problem, free: NDArray[np.bool_], before: Fit) -> _Estimate:

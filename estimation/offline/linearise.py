@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, REST_BAND
+from estimation.friction import REST_BAND
 from estimation.offline.model import (
     Figures,
     Level,
@@ -26,7 +26,7 @@ from estimation.offline.model import (
     make_prediction,
     make_state,
 )
-from estimation.offline.records import Record
+from estimation.offline.records import OfflineSettings, Record
 from estimation.offline.unknowns import (
     ALPHA,
     ASYMMETRY,
@@ -43,32 +43,13 @@ from estimation.offline.unknowns import (
     VS,
     Unknowns,
 )
-from estimation.offline.whiten import NoiseVariance, sum_whitened, sum_whitened_eiv
+from estimation.offline.whiten import sum_whitened
+from stagedata import F64
 
 KNOT_SPACING = 0.03
 """Of the level's knots [s]."""
 _IN_MODEL = [COULOMB, STIFFNESS, RATE, ALPHA, VS, DELTA, ASYMMETRY]
 """Unknowns in the order of `model.Figures`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Noise in the residual.
-
-    Attributes:
-        period: of the samples [s].
-        position: rms of a sampled position [m].
-        force: rms of a sampled force [N].
-        model: rms of what the model misses [N].
-        wander: rms of the level.  correlation_time: of it [s].
-    """
-
-    period: float
-    position: float
-    force: float
-    model: float
-    wander: float
-    correlation_time: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,20 +120,22 @@ class Residual:
     Args:
         records: of the axis.
         unknowns: what it depends on.
-        noise: in it.
+        settings: its noise.
 
     Attributes:
         knots: K of every block.
     """
 
-    def __init__(self, records: Sequence[Record], unknowns: Unknowns, noise: Noise) -> None:
-        self._records, self._unknowns, self._noise = records, unknowns, noise
+    def __init__(
+        self, records: Sequence[Record], unknowns: Unknowns, settings: OfflineSettings
+    ) -> None:
+        self._records, self._unknowns, self._settings = records, unknowns, settings
         self.knots = [self._count_knots(end - begin) for r in records for begin, end in r.blocks]
         self._priors = [self._knot_information(k) for k in self.knots]
 
     def linearise(self, at: Point, counted: Sequence[bool]) -> NormalEquations:
         """Normal equations at a point; `counted`: blocks that count."""
-        u, period = self._unknowns, self._noise.period
+        u, period = self._unknowns, self._settings.period
         values = u.scale * at.q
         springs, shares = u.shape(at.q)
         figures = Figures._make([*values[_IN_MODEL], springs, shares])
@@ -206,7 +189,7 @@ class Residual:
                 prediction.by_knots, prediction.by_start, force,
             ]
         )  # fmt: skip
-        rise = (rows[2:] - rows[:-2]) / (2.0 * self._noise.period)
+        rise = (rows[2:] - rows[:-2]) / (2.0 * self._settings.period)
         rows[1:-1] -= values[LAG] * rise
         rows[1:-1, : len(index)][:, index == LAG] = -rise[:, -1:] * u.scale[LAG]
         rows[:, -1] -= record.force[begin + 1 : end + 1]
@@ -214,29 +197,26 @@ class Residual:
 
     def _whiten(self, at: Point, rows: F64, used: NDArray[np.bool_]) -> tuple[F64, F64, float, int]:
         """Sums of a block's whitened rows; with errors in variables if the mass is free."""
-        noise, scale = self._noise, self._unknowns.scale[MASS]
+        own, scale = self._settings, self._unknowns.scale[MASS]
         mass = scale * at.q[MASS] if at.errors_in_variables else scale
-        variance = NoiseVariance(
-            (mass * noise.position / noise.period**2) ** 2, noise.force**2 + noise.model**2
-        )
-        column = np.flatnonzero(at.index == MASS)
-        sums: tuple[F64, F64, float, int]
-        if at.errors_in_variables and len(column):
-            sums = sum_whitened_eiv(rows, used, variance, column[0], scale / mass)
-        else:
-            sums = sum_whitened(rows, used, variance)
+        noisy = np.flatnonzero(at.index == MASS) if at.errors_in_variables else ()
+        sums: tuple[F64, F64, float, int] = sum_whitened(
+            rows, used, (mass * own.position_noise / own.period**2) ** 2,
+            own.force_noise**2 + (own.model_error * self._unknowns.scale[COULOMB]) ** 2,
+            int(noisy[0]) if len(noisy) else -1, scale / mass,
+        )  # fmt: skip
         return sums
 
     def _count_knots(self, samples: int) -> int:
-        return max(2, 1 + math.ceil(samples * self._noise.period / KNOT_SPACING)) + 1
+        return max(2, 1 + math.ceil(samples * self._settings.period / KNOT_SPACING)) + 1
 
     def _knot_information(self, count: int) -> F64:
         """Inverse prior covariance of a block's knots, shape (K, K).
 
         A stationary Gauss-Markov process, and the factor on the state at the start, as uncertain.
         """
-        variance = max(self._noise.wander, 1e-6) ** 2
-        keep = math.exp(-KNOT_SPACING / self._noise.correlation_time)
+        variance = max(self._settings.wander, 1e-6) ** 2
+        keep = math.exp(-KNOT_SPACING / self._settings.correlation_time)
         walk = (1.0 - keep**2) * variance
         matrix = np.zeros((count, count))
         matrix[0, 0] = matrix[-1, -1] = 1.0 / variance

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64
+from stagedata import F64
 from stagedata.compiled import kernel
 
 BY_COULOMB, BY_STIFFNESS, BY_RATE, BY_ALPHA, BY_VS, BY_DELTA, BY_ASYMMETRY = range(7)

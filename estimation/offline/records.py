@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64
 from estimation.kinematics import differences
+from stagedata import F64
 from stagedata.compiled import kernel
 
 BLOCK = 0.25
@@ -26,6 +26,34 @@ LONGEST = 0.6
 """... and at the latest after this time, at rest or not [s]."""
 HOLE = 5
 """After this many samples without position the state of the elements is unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class OfflineSettings:
+    """How an axis is identified.
+
+    Attributes:
+        mass: moved mass [kg].
+        period: of the samples [s].
+        position_noise: rms of a sampled position, encoder increment included [m].
+        force_noise: rms of a sampled force, its resolution included [N].
+        peak_force: samples at or beyond it are left out [N].
+        wander: rms of the level.  correlation_time: of it [s].
+        model_error: rms of what the model itself misses, relative to the Coulomb force.
+        misfit: largest rms of the whitened residual that is accepted.
+        least: fewest samples in motion.
+    """
+
+    mass: float
+    period: float
+    position_noise: float
+    force_noise: float
+    peak_force: float = math.inf
+    wander: float = 0.01
+    correlation_time: float = 0.5
+    model_error: float = 0.003
+    misfit: float = 3.0
+    least: int = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,19 +138,15 @@ def joined(pieces: Sequence[Samples], period: float) -> list[Samples]:
     return result
 
 
-def record(
-    samples: Samples, period: float, position_noise: float, peak_force: float, travel: float
-) -> Record:
+def record(samples: Samples, settings: OfflineSettings, travel: float) -> Record:
     """Make a record of samples without a gap.
 
     Args:
         samples: any number of moves.
-        period: of the samples [s].
-        position_noise: rms of a sampled position [m].
-        peak_force: samples at or beyond it are saturated [N].
+        settings: of the identification.
         travel: motion in one direction after which all elements slip [m].
     """
-    valid = samples.usable
+    valid, period = samples.usable, settings.period
     index = np.arange(len(valid))
     position = np.interp(index, index[valid], samples.position[valid])
     force = np.where(valid, samples.force, 0.0)
@@ -130,10 +154,10 @@ def record(
     velocity, acceleration = np.empty(count), np.empty(count)
     used = np.empty(count, dtype=np.bool_)
     differences(position, valid, period, velocity, acceleration, used)
-    band = 6.0 * math.sqrt(2.0) * position_noise
+    band = 6.0 * math.sqrt(2.0) * settings.position_noise
     moving = np.abs(position[2:] - position[:-2]) > band
     moving = np.convolve(moving, np.ones(5), mode="same") > 0.5  # two samples around it too
-    used &= moving & (np.abs(force[1:-1]) < peak_force)
+    used &= moving & (np.abs(force[1:-1]) < settings.peak_force)
     holes = np.convolve(~valid[1:-1], np.ones(HOLE), mode="full")[:count] > HOLE - 0.5
     used &= _known(position[1:-1], holes, travel)
     return Record(

@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64
 from estimation.offline.fit import Fit
 from estimation.offline.unknowns import FIGURES, MASS, Unknowns
+from stagedata import F64
 
 ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
 TOGETHER = "with its neighbours"

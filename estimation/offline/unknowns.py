@@ -18,48 +18,35 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, element_shares
-from stagedata import FrictionFigures
+from estimation.friction import element_shares
+from stagedata import F64, FrictionFigures
 
-FIGURES = (
-    "coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio",
-    "stribeck_velocity", "stribeck_shape", "asymmetry", "force_offset", "lag", "ripple_mass",
-    "ripple_lag", "ripple_curve",
-)  # fmt: skip
+_FIGURES = (
+    ("coulomb", "N", 0.4, 0.1, 10.0),
+    ("viscous", "N s/m", 0.6, 0.0, 20.0),
+    ("stiffness", "N/m", 0.6, 0.05, 20.0),
+    ("relaxation_rate", "1/s", 0.5, 0.05, 20.0),
+    ("mass", "kg", 0.1, 0.5, 2.0),
+    ("static_ratio", "", 0.3, -0.9, 5.0),
+    ("stribeck_velocity", "m/s", 0.7, 0.05, 20.0),
+    ("stribeck_shape", "", 0.4, 0.3, 4.0),
+    ("asymmetry", "", 0.15, -0.6, 0.6),
+    ("force_offset", "N", 0.3, -1.0, 1.0),
+    ("lag", "s", 0.2, -1.0, 1.0),
+    ("ripple_mass", "", 0.2, -1.0, 1.0),
+    ("ripple_lag", "", 0.2, -1.0, 1.0),
+    ("ripple_curve", "", 0.2, -1.0, 1.0),
+)
+"""Name, unit; standard deviation before the first sample, lower and upper bound, in scales."""
+_SHAPE = ("", 0.5, 0.02, 20.0)
+"""The same of every factor on a k_i or nu_i."""
+FIGURES = tuple(row[0] for row in _FIGURES)
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, VS, DELTA, ASYMMETRY, OFFSET, LAG = range(11)
 RIPPLE = (11, 12, 13)
-UNITS = ("N", "N s/m", "N/m", "1/s", "kg", "", "m/s", "", "", "N", "s", "", "", "")
 FRICTION = (COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, VS, DELTA)
 """Those of the friction law that a machine file has."""
 BASE = (COULOMB, VISCOUS, MASS, OFFSET, *RIPPLE)
 """Solved for first: the rest is not robust to these being wrong."""
-
-
-@dataclass(frozen=True, slots=True)
-class Prior:
-    """Standard deviations of the machine file's figures before the first sample.
-
-    Attributes:
-        figures: relative, of Coulomb force, viscous coefficient, stiffness, relaxation rate and
-            apparent mass.
-        static_ratio: of alpha, absolute.
-        stribeck_velocity: relative.  stribeck_shape: of delta, absolute.
-        asymmetry: absolute; its mean is 0.
-        force_offset: relative to the Coulomb force; its mean is 0.
-        lag: of the force behind the position, in sample periods; its mean is 0.
-        ripple: of the three ripple figures; their mean is 0.
-        shape: relative, of every k_i and nu_i.
-    """
-
-    figures: tuple[float, float, float, float, float] = (0.4, 0.6, 0.6, 0.5, 0.1)
-    static_ratio: float = 0.3
-    stribeck_velocity: float = 0.7
-    stribeck_shape: float = 0.4
-    asymmetry: float = 0.15
-    force_offset: float = 0.3
-    lag: float = 0.2
-    ripple: float = 0.2
-    shape: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,47 +100,31 @@ class Unknowns:
         return result
 
 
-def unknowns(friction: FrictionFigures, mass: float, period: float, prior: Prior) -> Unknowns:
+def unknowns(friction: FrictionFigures, mass: float, period: float) -> Unknowns:
     """The unknowns of an axis.
 
     Args:
         friction: means of the prior, as the machine file has them.
         mass: moved mass, mean of the prior [kg].
         period: of the samples [s].
-        prior: standard deviations.
     """
     count = friction.elements
     viscous = max(friction.viscous, 1e-3 * friction.coulomb)
-    scale = np.array(
-        [
-            friction.coulomb, viscous, friction.stiffness, friction.relaxation_rate, mass, 1.0,
-            friction.stribeck_velocity, 1.0, 1.0, friction.coulomb, period, 1.0, 1.0, 1.0,
-        ]
-    )  # fmt: skip
-    mean = np.array(
-        [
-            1.0, friction.viscous / viscous, 1.0, 1.0, 1.0, friction.static_ratio, 1.0,
-            friction.stribeck_shape, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        ]
-    )  # fmt: skip
-    spread = np.array(
-        [
-            *prior.figures, prior.static_ratio, prior.stribeck_velocity, prior.stribeck_shape,
-            prior.asymmetry, prior.force_offset, prior.lag, *[prior.ripple] * 3,
-        ]
-    )  # fmt: skip
-    lower = np.array([0.1, 0.0, 0.05, 0.05, 0.5, -0.9, 0.05, 0.3, -0.6, -1.0, -1.0, *[-1.0] * 3])
-    upper = np.array([10.0, 20.0, 20.0, 20.0, 2.0, 5.0, 20.0, 4.0, 0.6, 1.0, 1.0, *[1.0] * 3])
-    ones = np.ones(2 * count)
-    numbers = range(1, count + 1)
+    scale = [
+        friction.coulomb, viscous, friction.stiffness, friction.relaxation_rate, mass, 1.0,
+        friction.stribeck_velocity, 1.0, 1.0, friction.coulomb, period, 1.0, 1.0, 1.0,
+    ]  # fmt: skip
+    mean = [
+        1.0, friction.viscous / viscous, 1.0, 1.0, 1.0, friction.static_ratio, 1.0,
+        friction.stribeck_shape, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    ]  # fmt: skip
+    ones, numbers = [1.0] * 2 * count, range(1, count + 1)
+    rows = [row[1:] for row in _FIGURES] + [_SHAPE for _ in ones]
+    units, spread, lower, upper = zip(*rows, strict=True)
     return Unknowns(
         (*FIGURES, *(f"k_{i}" for i in numbers), *(f"nu_{i}" for i in numbers)),
-        (*UNITS, *("" for _ in ones)),
-        np.concatenate([scale, ones]),
-        np.concatenate([mean, ones]),
-        np.concatenate([spread, prior.shape * ones]),
-        np.concatenate([lower, 0.02 * ones]),
-        np.concatenate([upper, 20.0 * ones]),
+        units,
+        *(np.array(values) for values in (scale + ones, mean + ones, spread, lower, upper)),
         np.full(count, 1.0 / count),
         element_shares(count),
     )

@@ -12,20 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.friction import F64
+from stagedata import F64
 from stagedata.compiled import kernel
-
-
-class NoiseVariance(NamedTuple):
-    """Of the residual [N^2].
-
-    Attributes:
-        encoder: (m sigma / T^2)^2, of one position.
-        white: of force noise and model error.
-    """
-
-    encoder: float
-    white: float
 
 
 class _Factor(NamedTuple):
@@ -40,39 +28,36 @@ class _Factor(NamedTuple):
 
 
 @kernel()
-def sum_whitened(rows, used, variance):  # type: ignore[no-untyped-def]
+def sum_whitened(rows, used, encoder, white, column, scale):  # type: ignore[no-untyped-def]
     """J'J, J'r, r'r and number of samples, whitened.
+
+    With errors in variables, column `column` has the residual's encoder noise: it is the derivative
+    by the mass, the measured acceleration. The part of the noise that the residual shows is taken
+    out of it (in `rows`). It becomes the derivative at the most probable positions.
 
     Args:
         rows: Jacobian, and the residual [N] as last column, shape (M, n + 1).
         used: samples that count, shape (M,); first and last do not. Residuals on both sides of a
             gap are taken as independent.
-        variance: `NoiseVariance` of the residual.
+        encoder: variance of the residual by one position, (m sigma / T^2)^2 [N^2].
+        white: that of force noise and model error [N^2].
+        column: with errors in variables; -1: without.
+        scale: of that column's unknown, relative to the mass.
 
     Returns:
         J'J, shape (n, n); J'r, shape (n,); chi-square; number of samples.
     """
-    return _sum(rows, _factorise(used, variance))
-
-
-@kernel()
-def sum_whitened_eiv(rows, used, variance, column, scale):  # type: ignore[no-untyped-def]
-    """`sum_whitened` with errors in variables: column `column` has the residual's encoder noise.
-
-    The column is the derivative by the mass, the measured acceleration: the part of the noise that
-    the residual shows is taken out of it (in `rows`). It becomes the derivative at the most
-    probable positions. `scale`: of the column's unknown, relative to the mass.
-    """
-    factor = _factorise(used, variance)
-    _remove_noise(rows, factor, variance.encoder * scale, column)
+    factor = _factorise(used, encoder, white)
+    if column >= 0:
+        _remove_noise(rows, factor, encoder * scale, column)
     return _sum(rows, factor)
 
 
 @kernel()
-def _factorise(used, variance):  # type: ignore[no-untyped-def]
+def _factorise(used, encoder, white):  # type: ignore[no-untyped-def]
     """`_Factor` of the covariance; `used`, shape (M,)."""
     count = used.shape[0]
-    diagonal = 6.0 * variance.encoder + variance.white
+    diagonal = 6.0 * encoder + white
     factor = _Factor(np.zeros(count), np.zeros(count), np.zeros(count))
     pivot = pivot_before = 1.0
     first = 0.0
@@ -81,8 +66,8 @@ def _factorise(used, variance):  # type: ignore[no-untyped-def]
         if not used[k]:
             run = 0
             continue
-        second = variance.encoder / pivot_before if run > 1 else 0.0
-        first = (-4.0 * variance.encoder - second * first) / pivot if run > 0 else 0.0
+        second = encoder / pivot_before if run > 1 else 0.0
+        first = (-4.0 * encoder - second * first) / pivot if run > 0 else 0.0
         pivot_before = pivot
         pivot = math.sqrt(diagonal - first * first - second * second)
         factor.pivot[k], factor.first[k], factor.second[k] = pivot, first, second

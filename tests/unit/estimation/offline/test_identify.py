@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.noise import encoder_noise, quantisation
-from estimation.offline.identify import OfflineSettings, identify
-from estimation.offline.records import Samples
+from estimation.offline import OfflineSettings, Samples, identify
 from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects

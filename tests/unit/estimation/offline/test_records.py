@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.offline.records import BLOCK, HOLE, LONGEST, Samples, joined, record
+from estimation.offline.records import (
+    BLOCK,
+    HOLE,
+    LONGEST,
+    OfflineSettings,
+    Samples,
+    joined,
+    record,
+)
 
 TS, TRAVEL = 1e-3, 1e-3
 
@@ -20,7 +28,7 @@ def strokes(seconds=2.0, every=0.5):
 
 
 def prepare(samples, peak_force=100.0):
-    return record(samples, TS, 1e-9, peak_force, TRAVEL)
+    return record(samples, OfflineSettings(8.0, TS, 1e-9, 0.01, peak_force), TRAVEL)
 
 
 def test_pieces_that_overlap_or_follow_are_one_and_a_gap_parts_them():

@@ -13,10 +13,10 @@ from estimation.offline.uncertainty import (
     find_sigma,
     judge,
 )
-from estimation.offline.unknowns import COULOMB, FIGURES, MASS, VISCOUS, Prior, unknowns
+from estimation.offline.unknowns import COULOMB, FIGURES, MASS, VISCOUS, unknowns
 from stagedata import FrictionFigures
 
-U = unknowns(FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0), 8.0, 1e-3, Prior())
+U = unknowns(FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0), 8.0, 1e-3)
 N, FIRST = len(U.mean), len(FIGURES)
 PRIOR_SIGMA = find_prior_sigma(U)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.offline.unknowns import COULOMB, FIGURES, VISCOUS, Prior, chosen, unknowns
+from estimation.offline.unknowns import COULOMB, FIGURES, VISCOUS, chosen, unknowns
 from stagedata import FrictionFigures
 
 FRICTION = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
@@ -11,7 +11,7 @@ FRICTION = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 
 @pytest.fixture
 def u():
-    return unknowns(FRICTION, 8.0, 1e-3, Prior())
+    return unknowns(FRICTION, 8.0, 1e-3)
 
 
 def test_the_prior_is_the_machine_file(u):
@@ -47,7 +47,7 @@ def test_slopes_are_those_of_the_values(u):
 
 
 def test_no_viscous_friction_still_has_a_scale():
-    found = unknowns(FRICTION.with_figures({"viscous": 0.0}), 8.0, 1e-3, Prior())
+    found = unknowns(FRICTION.with_figures({"viscous": 0.0}), 8.0, 1e-3)
     assert found.scale[VISCOUS] > 0.0
     assert found.values(found.mean)[VISCOUS] == 0.0
 
