@@ -12,17 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.observer.design import Design
-from estimation.observer.lacking_force import Figures, find_lacking
+from estimation.observer.lacking_force import Course, Figures, find_lacking
 from estimation.observer.model import LACK
+from stagedata import F64
 from stagedata.compiled import machine_code
-
-F64 = NDArray[np.float64]
 
 MASS, LEAD, COUPLING = range(3)
 """Share of the mass; lead [s]; share of the mass that the other axis' acceleration moves."""
@@ -32,24 +29,6 @@ _REST = 5.0
 """Time constants of the rest after a move that are evaluated with it."""
 _RESPONSE = 12.0
 """Length of the observer's response, in time constants."""
-
-
-class Course(NamedTuple):
-    """One axis through a move, one value per SYNC without a gap, shape (K,).
-
-    Attributes:
-        demand: setpoint sent [m].
-        position: sampled when it was sent [m].
-        correction: force offset sent less the planned one [N].
-        across: setpoint of the other axis [m]; zeros where there is no other.
-        force: measured [N].
-    """
-
-    demand: F64
-    position: F64
-    correction: F64
-    across: F64
-    force: F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,18 +66,9 @@ class FeedforwardErrors:
             (drive.control_period - own.age) / own.period, _REST * constant, SCALE, response,
         )  # fmt: skip
         self._value, self._information = np.empty(3), np.empty((3, 3))
-        rest = np.zeros(2)
+        rest = Course(*[np.zeros(2)] * 5)
         self._find = machine_code(  # compiled, or loaded, before anything moves
-            find_lacking,
-            rest,
-            rest,
-            rest,
-            rest,
-            rest,
-            1.0,
-            self._figures,
-            self._value,
-            self._information,
+            find_lacking, rest, 1.0, self._figures, self._value, self._information
         )
 
     def find(self, course: Course, planned: float = 1.0) -> FeedforwardError | None:
@@ -108,11 +78,9 @@ class FeedforwardErrors:
             course: of the axis.
             planned: force per acceleration that was fed forward, over the mass.
         """
-        demand, position, correction, across, force = map(np.ascontiguousarray, course)
-        if self._find(
-            demand, position, correction, across, force, planned, self._figures,
-            self._value, self._information,
-        ):  # fmt: skip
+        course = Course(*map(np.ascontiguousarray, course))
+        if self._find(course, planned, self._figures, self._value, self._information):
+            demand, across = course.demand, course.across
             rested = not (demand != demand[0]).any()
             travel = float(across[-1] - across[0] if rested else demand[-1] - demand[0])
             return FeedforwardError(self._value.copy(), self._information.copy(), travel, rested)

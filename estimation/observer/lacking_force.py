@@ -16,12 +16,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.observer.made_when_sampled import made_when_sampled
+from stagedata import F64
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 LEAST = 1.0
 """Moves whose acceleration takes less than this multiple of Fc show friction rather than mass."""
@@ -65,27 +63,39 @@ class Figures(NamedTuple):
     response: F64
 
 
+class Course(NamedTuple):
+    """One axis through a move, one value per SYNC without a gap, shape (K,).
+
+    Attributes:
+        demand: setpoint sent [m].
+        position: sampled when it was sent [m].
+        correction: force offset sent less the planned one [N].
+        across: setpoint of the other axis [m]; zeros where there is no other.
+        force: measured [N].
+    """
+
+    demand: F64
+    position: F64
+    correction: F64
+    across: F64
+    force: F64
+
+
 @kernel()
-def find_lacking(  # type: ignore[no-untyped-def]
-    demand, position, correction, across, force, planned, figures, value, information
-):
-    """What the planned offsets of a move have lacked; False where it says nothing (9 arguments).
+def find_lacking(course, planned, figures, value, information):  # type: ignore[no-untyped-def]
+    """What the planned offsets of a move have lacked; False where it says nothing.
 
     Args:
-        demand: setpoints [m], (K,).
-        position: sampled when they were sent [m], (K,).
-        correction: force offset sent less the planned one [N], (K,).
-        across: setpoints of the other axis [m], (K,).
-        force: measured [N], (K,).
+        course: `Course`.
         planned: force per acceleration that was fed forward, over the mass.
         figures: `Figures`.
         value: written, (3,), in the units of `figures.scale`.
         information: written: inverse of its covariance, (3, 3).
     """
-    end = _end_of(demand, across, figures)
+    end = _end_of(course.demand, course.across, figures)
     if end < FEWEST:
         return False
-    columns = _columns(demand, position, correction, across, force, figures, end)
+    columns = _columns(course, figures, end)
     count, samples = columns.shape
     products = np.empty((count, count))
     for i in range(count):
@@ -146,12 +156,13 @@ def _end_of(demand, across, figures):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _columns(demand, position, correction, across, force, figures, end):  # type: ignore[no-untyped-def]
+def _columns(course, figures, end):  # type: ignore[no-untyped-def]
     """Basis, lacking and measured force, (9, end - 4): no ends, where derivatives are not known.
 
     Step, constant, travel and velocity; force [N] of the three figures in units of `figures.scale`;
     what was lacking [N]; the measured force, filtered alike [N]. Arguments as above.
     """
+    demand, position, correction, across, force = course
     period, scale = figures.period, figures.scale
     before, other, sliding = np.empty(end), np.empty(end), np.zeros(end)
     integrator, deviated = np.empty(end), 0.0

@@ -13,14 +13,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.least_squares import cholesky_inverse
 from estimation.move_group import GROUPS, move_group
 from estimation.observer.feedforward_error import SCALE, FeedforwardError
+from stagedata import F64
 from stagedata.compiled import kernel, machine_code
-
-F64 = NDArray[np.float64]
 
 KEPT = 0.9
 """Weight of a move relative to the next one: the figures may change."""

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 DEVIATION, VELOCITY, FORCE, SLOPE, INTEGRAL = range(5)
 """First states of an axis: position less demand [m], its rate [m/s], motor force [N], memory of the

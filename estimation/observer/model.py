@@ -14,7 +14,6 @@ from scipy.linalg import solve_discrete_are
 
 from estimation.observer.loop import (
     DEVIATION,
-    F64,
     FORCE,
     INTEGRAL,
     SLOPE,
@@ -23,6 +22,7 @@ from estimation.observer.loop import (
     DriveLoop,
     period_maps,
 )
+from stagedata import F64
 
 LACK = 4
 """State of the model: disturbance less integrator [N]; those before it are as in

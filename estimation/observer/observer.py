@@ -35,10 +35,10 @@ from estimation.observer.watch import (
     UNANSWERED,
     WATCHING,
 )
+from stagedata import F64
 from stagedata.compiled import machine_code
 
 I64 = NDArray[np.int64]
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.observer.loop import (
-    F64,
-    FORCE,
-    INTEGRAL,
-    PeriodMaps,
-)
+from estimation.observer.loop import FORCE, INTEGRAL, PeriodMaps
 from estimation.observer.model import LACK, ObserverModel
+from stagedata import F64
 
 PEAK = 2.0
 """The sensitivity may reach this,"""

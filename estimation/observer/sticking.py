@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.observer.design import Design, design_observer
-from stagedata.compiled import kernel
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SPAN = 0.02
@@ -37,37 +36,15 @@ def sticks(design: Design, position: F64, force: F64, still: Flags) -> bool:
         still: valid samples while no axis was to move, shape (K,).
     """
     own = design.figures
-    spring = own.drive.kp + own.carriage.stiffness
-    position, force = np.ascontiguousarray(position), np.ascontiguousarray(force)
-    return bool(
-        holds_on(
-            position, force, still, round(SPAN / own.period), own.noise,
-            LEAST_FORCE * own.coulomb, STIFFER * spring,
-        )
-    )  # fmt: skip
-
-
-@kernel()
-def holds_on(position, force, still, span, noise, least, spring):  # type: ignore[no-untyped-def]
-    """Whether force changes and position does not in any block of still samples, the last first.
-
-    Args:
-        position: one per SYNC [m], (K,).
-        force: measured [N], (K,).
-        still: as of `sticks`, (K,).
-        span: samples of a block.
-        noise: of the position [m]: a coarse encoder does not show small motions.
-        least: change of force that says anything [N].
-        spring: least stiffness of what holds on [N/m].
-    """
-    for end in range(position.shape[0], span - 1, -span):
+    span = round(SPAN / own.period)
+    spring = STIFFER * (own.drive.kp + own.carriage.stiffness)
+    for end in range(len(position), span - 1, -span):  # the last one first
         block = slice(end - span, end)
-        if not still[block].all():
-            continue
-        changed = force[block].max() - force[block].min()
-        moved = position[block].max() - position[block].min() + noise
-        if changed > max(least, spring * moved):
-            return True
+        if still[block].all():
+            # A coarse encoder does not show small motions.
+            moved = np.ptp(position[block]) + own.noise
+            if np.ptp(force[block]) > max(LEAST_FORCE * own.coulomb, spring * moved):
+                return True
     return False
 
 
