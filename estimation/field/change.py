@@ -21,12 +21,9 @@ class StepDetector:
     """The sums of one level.
 
     Attributes:
-        allowance: k [standard deviations].  threshold: h [standard deviations].
         up, down: the sums.
     """
 
-    allowance: float = ALLOWANCE
-    threshold: float = THRESHOLD
     up: float = 0.0
     down: float = 0.0
 
@@ -35,11 +32,11 @@ class StepDetector:
 
         After an alarm the sums begin again.
         """
-        self.up = max(0.0, self.up + surprise - self.allowance)
-        self.down = max(0.0, self.down - surprise - self.allowance)
-        if self.up <= self.threshold and self.down <= self.threshold:
+        self.up = max(0.0, self.up + surprise - ALLOWANCE)
+        self.down = max(0.0, self.down - surprise - ALLOWANCE)
+        if self.up <= THRESHOLD and self.down <= THRESHOLD:
             return 0
-        found = 1 if self.up > self.threshold else -1
+        found = 1 if self.up > THRESHOLD else -1
         self.reset()
         return found
 

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.field.convex_hull import Hull
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 Kernel = Callable[[F64], F64]
 
 MOST_NODES = 40
@@ -55,26 +55,17 @@ KERNELS: dict[str, tuple[Kernel, float]] = {
 """Correlation over distance / length, and prior weight: smooth fields come first."""
 
 
-@dataclass(frozen=True, slots=True)
-class FieldPrior:
-    """Prior of the field, for any table.
-
-    Attributes:
-        length: correlation length, relative to the extent of the sites; median.
-        length_spread: standard deviation of its logarithm.
-        amplitude: rms of the field, relative; median.
-        amplitude_spread: standard deviation of its logarithm.
-        scatter: rms by which sites differ from a smooth field beside their own uncertainty:
-            values tried, with their prior weights.
-        grid: values of length and of amplitude tried.
-    """
-
-    length: float = 0.45
-    length_spread: float = 0.6
-    amplitude: float = 0.1
-    amplitude_spread: float = 0.9
-    scatter: tuple[tuple[float, float], ...] = ((0.0, 0.85), (0.01, 0.15))
-    grid: tuple[int, int] = (11, 9)
+# Prior of the field, for any table.
+_LENGTH, _LENGTH_SPREAD = 0.45, 0.6
+"""Correlation length, relative to the extent of the sites: median, and standard deviation of its
+logarithm."""
+_AMPLITUDE, _AMPLITUDE_SPREAD = 0.1, 0.9
+"""Rms of the field, relative: likewise."""
+_SCATTER = ((0.0, 0.85), (0.01, 0.15))
+"""Rms by which sites differ from a smooth field beside their own uncertainty: values tried, with
+their prior weights."""
+_GRID = 11, 9
+"""Values of length and of amplitude tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,15 +261,14 @@ class FrictionField:
         return factor, solved[:, 0] - constant * solved[:, 1], solved[:, 1], total
 
     def _fitted(self) -> tuple[Node, ...]:
-        prior = FieldPrior()
         extent = float(np.ptp(self.places, axis=0).max()) or 0.1
-        lengths = _around(prior.length * extent, prior.length_spread, prior.grid[0])
-        amplitudes = _around(prior.amplitude, prior.amplitude_spread, prior.grid[1])
+        lengths = _around(_LENGTH * extent, _LENGTH_SPREAD, _GRID[0])
+        amplitudes = _around(_AMPLITUDE, _AMPLITUDE_SPREAD, _GRID[1])
         found: list[tuple[float, Node]] = []
         for name, (_, kernel_weight) in KERNELS.items():
             for length, length_weight in lengths:
                 for amplitude, amplitude_weight in amplitudes:
-                    for scatter, scatter_weight in prior.scatter:
+                    for scatter, scatter_weight in _SCATTER:
                         node = Node(1.0, name, length, amplitude, scatter)
                         weight = kernel_weight * length_weight * amplitude_weight * scatter_weight
                         found.append((self._evidence(node) + math.log(weight), node))

@@ -24,11 +24,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.field.change import StepDetector
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 WANDER, COMMON, TREND, SITES = range(4)
 DAY = 86400.0
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.known_effects.terms import F64, KnownTerms
-from stagedata import FrictionFigures
+from estimation.known_effects.terms import KnownTerms
+from stagedata import F64, FrictionFigures
 from stagedata.compiled import kernel
 
 

@@ -11,12 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from stagedata import F64, FrictionFigures
 
-from stagedata import FrictionFigures
-
-F64 = NDArray[np.float64]
 Curve = Callable[[F64], F64]
 """A function of positions [m], velocities [m/s] or times [s], of any shape; returns the same."""
 FrictionCurve = Callable[[F64, FrictionFigures], F64]

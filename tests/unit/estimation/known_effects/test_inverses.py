@@ -12,6 +12,7 @@ from stagectl.config import load_machine, stage_settings
 
 AXIS = stage_settings(load_machine()).axes[0]
 EFFECTS = own_effects()
+AMPLITUDE, LENGTH, SEED = 0.2, 0.05, 7  # of a field
 X = np.linspace(-0.14, 0.14, 997)
 Y = np.linspace(0.11, -0.13, 997)
 
@@ -159,3 +160,39 @@ def test_drive_and_mass():
     assert tuple(terms.bases[0]) == (ratio, frequency, damping)
     assert terms.has_forces
     assert terms.has_motor_factor
+
+
+def as_in_the_format(own, other):
+    """docs/formats/effects.md, "The field of friction_map", at one point after the other."""
+    generator = np.random.default_rng([0x4D4150, SEED])
+    k = generator.normal(0.0, 1.0 / LENGTH, (2, 300))
+    phase = generator.uniform(0.0, 2.0 * np.pi, 300)
+    found = []
+    for x, y in np.broadcast(own, other):
+        normal = math.sqrt(2.0 / 300) * sum(np.cos(k[0] * x + k[1] * y + phase))
+        found.append(1.0 + AMPLITUDE * math.erf(normal / math.sqrt(2.0)))
+    return np.array(found)
+
+
+@pytest.fixture
+def factor():
+    return inverses.random_field(AMPLITUDE, LENGTH, SEED)
+
+
+def test_at_a_few_points_it_is_exact(factor):
+    own, other = np.array([-0.1, 0.02, 0.13]), np.array([0.05, -0.07, 0.0])
+    np.testing.assert_allclose(factor(own, other), as_in_the_format(own, other), atol=1e-12)
+
+
+def test_along_a_dense_path_it_is_as_close_as_its_length_allows(factor):
+    own = np.linspace(-0.1, 0.1, 400)
+    other = 0.05 * np.sin(20.0 * own)
+    expected = as_in_the_format(own, other)
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(factor(own, other), expected, atol=2e-4)
+
+
+def test_a_path_that_stands_still_has_one_value(factor):
+    there = factor(np.full(50, 0.03), np.full(50, -0.02))
+    np.testing.assert_allclose(there, as_in_the_format(0.03, -0.02)[0], atol=1e-12)
+    assert factor(0.03, -0.02).shape == (1,)

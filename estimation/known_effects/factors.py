@@ -1,12 +1,20 @@
-"""The known factor on the Coulomb force along a path."""
+"""Known factors: on the Coulomb force along a path, and between measured force and carriage.
+
+Force on the carriage: G(x) S tanh(gain F / S), F measured; and back.
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from estimation.known_effects.terms import F64, KnownTerms
+from estimation.known_effects.terms import KnownTerms
+from stagedata import F64
 from stagedata.compiled import kernel
 
+_BENT = 0.99
+"""Share of the saturation force beyond which the curve is not followed any further."""
 TURN_BAND = 4e-9
 """A way back of this much is another direction: a few times the encoder noise [m]."""
 _LEAST = 1e-3
@@ -53,3 +61,26 @@ def _mark_directions(position, band, heading):  # type: ignore[no-untyped-def]
         elif abs(away) > band:
             direction, extreme = (1.0 if away > 0.0 else -1.0), position[k]
         heading[k] = direction
+
+
+def delivered_force(terms: KnownTerms, measured: F64, position: F64) -> F64:
+    """Force on the carriage [N] of a measured force [N] at a position [m]; shapes broadcast."""
+    force = terms.gain * np.asarray(measured, np.float64)
+    if math.isfinite(terms.saturation):
+        force = terms.saturation * np.tanh(force / terms.saturation)
+    for curve in terms.gains:
+        force = force * curve(np.asarray(position, np.float64))
+    return np.asarray(force)
+
+
+def force_to_demand(terms: KnownTerms, force: F64, position: F64) -> F64:
+    """Measured force [N] that puts `force` [N] on the carriage at `position` [m].
+
+    As near as it gets, where the motor saturates.
+    """
+    demand = np.asarray(force, np.float64)
+    for curve in terms.gains:
+        demand = demand / curve(np.asarray(position, np.float64))
+    if math.isfinite(terms.saturation):
+        demand = terms.saturation * np.arctanh(np.clip(demand / terms.saturation, -_BENT, _BENT))
+    return np.asarray(demand / terms.gain)
