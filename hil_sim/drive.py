@@ -11,18 +11,8 @@ from __future__ import annotations
 from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301 import (
-    CONNECTION_ABORTED,
-    HEARTBEAT_LOST,
-    RPDO_TIMEOUT,
-    SYNC_LENGTH,
-    Dictionary,
-    DriveSdoServer,
-    Emergency,
-    NmtSlave,
-    NmtState,
-    PdoEngine,
-)
+from hil_sim.cia301 import Dictionary, DriveSdoServer, Emergency, NmtSlave, NmtState, PdoEngine
+from hil_sim.cia301 import emergency as emcy
 from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
 from hil_sim.plant import Motor
@@ -151,7 +141,7 @@ class Drive:
         elif old is NmtState.OPERATIONAL:
             self.pdo.stop()
         if new is NmtState.STOPPED:
-            self.motion.on_connection_lost(CONNECTION_ABORTED)
+            self.motion.on_connection_lost(emcy.CONNECTION_ABORTED)
         self.motion.set_remote(new in _COMMUNICATING)
         if old is NmtState.BOOTING:
             self.motion.repeat_lasting_faults()
@@ -160,7 +150,7 @@ class Drive:
         self._advance_to(self._segment.now_ns)
         self._on_overflow(0)
         if not application:
-            self.motion.on_connection_lost(CONNECTION_ABORTED)
+            self.motion.on_connection_lost(emcy.CONNECTION_ABORTED)
             self.dictionary.reset_communication()
             return
         self.motion.switch_off()
@@ -189,7 +179,7 @@ class Drive:
         if len(data) != self._sync_length:
             if not self._sync_reported:  # once, not at every SYNC
                 self._sync_reported = True
-                self.emergency.announce(SYNC_LENGTH)
+                self.emergency.announce(emcy.SYNC_LENGTH)
             return
         self._advance_to(self._segment.now_ns)
         if self._odd is None:
@@ -206,16 +196,16 @@ class Drive:
         """React by 0x6007, as to a lost host; the EMCY tells the two apart."""
         faults = self.dictionary.integer(o.ABORT_CONNECTION) == 1
         if not (faults and self.motion.state is State.ENABLED):  # else the fault announces it
-            self.emergency.announce(RPDO_TIMEOUT)
-        self.motion.on_connection_lost(RPDO_TIMEOUT)
+            self.emergency.announce(emcy.RPDO_TIMEOUT)
+        self.motion.on_connection_lost(emcy.RPDO_TIMEOUT)
 
     def _on_heartbeat(self, _: int, alive: bool) -> None:
         if alive:
             if self.motion.state not in (State.FAULT, State.FAULT_REACTION):
-                self.emergency.clear(HEARTBEAT_LOST)
+                self.emergency.clear(emcy.HEARTBEAT_LOST)
             return
-        self.emergency.raise_(HEARTBEAT_LOST)
-        self.motion.on_connection_lost(HEARTBEAT_LOST)
+        self.emergency.raise_(emcy.HEARTBEAT_LOST)
+        self.motion.on_connection_lost(emcy.HEARTBEAT_LOST)
         behavior = self.dictionary.integer(o.ERROR_BEHAVIOR)
         if behavior == 0 and self.nmt.state is NmtState.OPERATIONAL:
             self.nmt.enter(NmtState.PRE_OPERATIONAL)

@@ -13,27 +13,18 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Interval, Le
 
-from hil_sim.cia301 import (
-    ENCODER_LOST,
-    FOLLOWING_ERROR,
-    HARDWARE,
-    OVER_CURRENT,
-    OVER_TEMPERATURE,
-    OVER_TRAVEL,
-    OVER_VOLTAGE,
-    UNDER_VOLTAGE,
-)
+from hil_sim.cia301 import emergency
 from stagedata.ranges import Count, NotNegative, Positive, check_ranges
 
 DRIVE_FAULTS: dict[str, int] = {
-    "over_current": OVER_CURRENT,
-    "encoder_loss": ENCODER_LOST,
-    "under_voltage": UNDER_VOLTAGE,
-    "over_travel": OVER_TRAVEL,
-    "following_error": FOLLOWING_ERROR,
-    "over_voltage": OVER_VOLTAGE,
-    "over_temperature": OVER_TEMPERATURE,
-    "hardware": HARDWARE,
+    "over_current": emergency.OVER_CURRENT,
+    "encoder_loss": emergency.ENCODER_LOST,
+    "under_voltage": emergency.UNDER_VOLTAGE,
+    "over_travel": emergency.OVER_TRAVEL,
+    "following_error": emergency.FOLLOWING_ERROR,
+    "over_voltage": emergency.OVER_VOLTAGE,
+    "over_temperature": emergency.OVER_TEMPERATURE,
+    "hardware": emergency.HARDWARE,
 }
 """Names of drive faults and their error codes (CiA 402, 0x603F)."""
 

@@ -25,8 +25,6 @@ from hil_sim.bus.world import DATA_FRAME, Frame, LockstepClock, World
 
 _new = object.__new__
 
-__all__ = ["LockstepBus", "LockstepClock", "LockstepPeriodicTask", "World"]
-
 
 class LockstepBus(can.BusABC):
     """python-can's view of a `World`: `can.Bus(interface="lockstep", channel=name)`.

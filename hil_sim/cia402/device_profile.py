@@ -20,23 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil_sim.cia301 import (
-    COASTING_FAULTS,
-    FOLLOWING_ERROR,
-    HEARTBEAT_LOST,
-    UNDER_VOLTAGE,
-    Dictionary,
-    Emergency,
-)
+from hil_sim.cia301 import Dictionary, Emergency
+from hil_sim.cia301 import emergency as emcy
 from hil_sim.cia402 import objects as o
 from hil_sim.cia402.brake import Brake
 from hil_sim.cia402.demand import DemandSource
 from hil_sim.cia402.mode_selector import ModeSelector
-from hil_sim.cia402.modes import (
-    MODE_BIT_13,
-    TARGET_REACHED,
-    Context,
-)
+from hil_sim.cia402.modes import MODE_BIT_13, TARGET_REACHED, Context
 from hil_sim.cia402.state_machine import FAULT_RESET, HALT, Command, State, decode, next_state
 from hil_sim.cia402.supervision import Supervision
 from hil_sim.plant import Motor
@@ -147,7 +137,7 @@ class MotionControl:
             return
         self._advance_to(self._segment.now_ns)
         self._emergency.raise_(code)
-        self._react_to_fault(coast=code in COASTING_FAULTS)
+        self._react_to_fault(coast=code in emcy.COASTING_FAULTS)
 
     def raise_lasting_fault(self, code: int) -> None:
         """Raise a fault that cannot be reset before `end_lasting_fault`."""
@@ -172,7 +162,7 @@ class MotionControl:
         self._advance_to(self._segment.now_ns)
         option = self._dictionary.integer(o.ABORT_CONNECTION)
         if option == 1:
-            if code != HEARTBEAT_LOST:  # that one has been announced
+            if code != emcy.HEARTBEAT_LOST:  # that one has been announced
                 self._emergency.raise_(code)
             self._react_to_fault()
         elif option == 2:
@@ -205,7 +195,7 @@ class MotionControl:
 
     def _on_following_error(self) -> None:
         self._latched_bits = MODE_BIT_13
-        self.raise_fault(FOLLOWING_ERROR)
+        self.raise_fault(emcy.FOLLOWING_ERROR)
 
     # Power states ----------------------------------------------------------------------------
 
@@ -350,7 +340,7 @@ class MotionControl:
     def _update_statusword(self) -> None:
         """Write the statusword; a change is an event for TPDOs."""
         word = self.state.value | self._latched_bits
-        if UNDER_VOLTAGE not in self._lasting_faults and not self._torque_off:
+        if emcy.UNDER_VOLTAGE not in self._lasting_faults and not self._torque_off:
             word |= _VOLTAGE
         if self._remote:
             word |= _REMOTE

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from hil_sim.cia301 import OVER_CURRENT, OVER_TRAVEL, Dictionary
+from hil_sim.cia301 import Dictionary
+from hil_sim.cia301.emergency import OVER_CURRENT, OVER_TRAVEL
 from hil_sim.cia402 import objects as o
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import can
 import pytest
 
-from hil_sim.bus.lockstep import World
+from hil_sim.bus.world import World
 from hil_sim.effects import AppliedEffect, Effect
 from hil_sim.effects.library import own_effects
 from hil_sim.settings import AxisSettings, ControlSettings, StageSettings

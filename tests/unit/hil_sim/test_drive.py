@@ -7,7 +7,7 @@ import struct
 import can
 import pytest
 
-from hil_sim.bus.lockstep import World
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
 
 

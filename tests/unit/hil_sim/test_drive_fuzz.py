@@ -8,7 +8,7 @@ import can
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_sim.bus.lockstep import World
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
 
 POWERED = (0x27, 0x07, 0x0F)

@@ -11,7 +11,7 @@ import pytest
 from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.bus.fault_world import Transceiver
-from hil_sim.bus.lockstep import World
+from hil_sim.bus.world import World
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 

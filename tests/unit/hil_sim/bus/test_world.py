@@ -5,7 +5,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from hil_sim.bus.lockstep import World
+from hil_sim.bus.world import World
 
 
 def frame(can_id: int, data: bytes = b"") -> can.Message:

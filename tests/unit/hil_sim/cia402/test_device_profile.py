@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from hil_sim.cia301 import ENCODER_LOST, OVER_CURRENT, UNDER_VOLTAGE
+from hil_sim.cia301.emergency import ENCODER_LOST, OVER_CURRENT, UNDER_VOLTAGE
 
 FAULT, DISABLED = 0x08, 0x40
 EMCY = 0x081

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from hil_sim.cia301 import OVER_CURRENT, OVER_TRAVEL
+from hil_sim.cia301.emergency import OVER_CURRENT, OVER_TRAVEL
 
 EMCY = 0x081
 
