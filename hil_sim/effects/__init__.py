@@ -15,6 +15,7 @@ from hil_sim.effects.effect import Effect as Effect
 from hil_sim.effects.effect import Values as Values
 from hil_sim.effects.parameter import Parameter as Parameter
 from hil_sim.effects.parameter import Value as Value
+from hil_sim.effects.parameter import asymmetry as asymmetry
 from hil_sim.effects.parameter import factor as factor
 from hil_sim.effects.parameter import force as force
 from hil_sim.effects.parameter import mass as mass

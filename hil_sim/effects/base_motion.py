@@ -10,7 +10,6 @@ class BaseMotion(Effect):
     damped. The encoder reads the carriage relative to the base.
     """
 
-    name = "base_motion"
     group = "dynamics"
     parameters = oscillator(
         frequency=("frequency of the base on its isolators", (5.0, 30.0)),

@@ -11,7 +11,6 @@ class CableHysteresis(Effect):
     soft seat.
     """
 
-    name = "cable_hysteresis"
     group = "force"
     parameters = (
         force("force", "sliding force of the element", (0.07, 0.22), least=0.0),

@@ -10,7 +10,6 @@ class CableStiffness(Effect):
     strongest on short travels and light stages.
     """
 
-    name = "cable_stiffness"
     group = "force"
     parameters = (
         size(

@@ -12,7 +12,6 @@ class Cogging(Effect):
     motors next to steel parts, and magnets near a steel base.
     """
 
-    name = "cogging"
     group = "force"
     parameters = (
         force("amplitude", "amplitude of the force", (0.06, 0.3)),

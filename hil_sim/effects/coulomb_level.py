@@ -10,7 +10,6 @@ class CoulombLevel(Effect):
     other than at the last identification.
     """
 
-    name = "coulomb_level"
     group = "friction"
     parameters = (factor("Coulomb level over the nominal one", (0.7, 1.3)),)
     equation = "Fc * ratio (C/Fc kept: C * ratio)"

@@ -10,7 +10,6 @@ class CrossCoupling(Effect):
     compliant guide, or a force vector tilted by commutation.
     """
 
-    name = "cross_coupling"
     group = "dynamics"
     parameters = (mass("force per acceleration of the other axis", (0.015, 0.05)),)
     equation = "F_d += mass * acceleration of the other axis"

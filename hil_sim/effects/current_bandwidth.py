@@ -10,7 +10,6 @@ class CurrentBandwidth(Effect):
     demand filter.
     """
 
-    name = "current_bandwidth"
     group = "motor"
     parameters = (
         size(

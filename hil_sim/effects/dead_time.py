@@ -10,7 +10,6 @@ class DeadTime(Effect):
     with a constant group delay.
     """
 
-    name = "dead_time"
     group = "motor"
     parameters = (
         size("delay", "s", "delay of the controller's output", (2e-4, 8e-4), least=0.0, below=0.05),

@@ -53,7 +53,8 @@ class Effect(ABC):
     """A physical term with a name; the class docstring says what causes it on real stages.
 
     Attributes:
-        name: as in machine files and reports, lower case with underscores.
+        name: as in machine files and reports, lower case with underscores; where a class gives
+            none, that of its module.
         group: the part of the axis it belongs to.
         parameters: all required.
         equation: as in docs/formats/effects.md.
@@ -75,6 +76,10 @@ class Effect(ABC):
     compensation: ClassVar[Compensation] = Compensation("its package does not say how")
     searched: ClassVar[bool] = True
     transmission: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        if "name" not in vars(cls):
+            cls.name = cls.__module__.rpartition(".")[2]
 
     @abstractmethod
     def apply(self, ports: EffectPorts, parameters: Values) -> None:

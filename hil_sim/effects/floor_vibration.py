@@ -10,7 +10,6 @@ class FloorVibration(Effect):
     axis itself; frequencies near their rotational speed or twice the mains frequency.
     """
 
-    name = "floor_vibration"
     group = "force"
     parameters = (
         force("amplitude", "amplitude of the force", (0.035, 0.1)),

@@ -10,7 +10,6 @@ class ForceConstant(Effect):
     wrong commutation angle, a current sensor's gain error, or a wrong rated force in the drive.
     """
 
-    name = "force_constant"
     group = "motor"
     parameters = (factor("motor force over measured force", (0.9, 1.1)),)
     equation = "F_motor = ratio * measured current * nominal constant"

@@ -10,7 +10,6 @@ class ForceOffset(Effect):
     counterbalance, a current sensor's offset.
     """
 
-    name = "force_offset"
     group = "force"
     parameters = (force("force", "force against positive motion", (0.06, 0.3), signed=True),)
     equation = "F_d += force (tilt, cable pull)"

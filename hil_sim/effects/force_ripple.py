@@ -12,7 +12,6 @@ class ForceRipple(Effect):
     coils: harmonics of the electrical period, proportional to the current.
     """
 
-    name = "force_ripple"
     group = "motor"
     parameters = (
         share("amplitude over the mean force", (0.03, 0.08)),

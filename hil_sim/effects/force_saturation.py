@@ -12,7 +12,6 @@ class ForceSaturation(Effect):
     cannot drive the current at speed; most visible during acceleration.
     """
 
-    name = "force_saturation"
     group = "motor"
     parameters = (
         size(

@@ -1,6 +1,6 @@
 """Coulomb friction that depends on the direction of motion."""
 
-from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, share
+from hil_sim.effects import HOST, Compensation, Effect, EffectPorts, Values, asymmetry
 
 
 class FrictionAsymmetry(Effect):
@@ -10,13 +10,8 @@ class FrictionAsymmetry(Effect):
     direction and pulled in the other, a ball recirculation that loads one side.
     """
 
-    name = "friction_asymmetry"
     group = "friction"
-    parameters = (
-        share(
-            "half the difference between the directions over their mean", (0.06, 0.2), signed=True
-        ),
-    )
+    parameters = (asymmetry((0.06, 0.2)),)
     equation = "Fc * (1 + ratio sgn v)"
     enters = "A factor on Fc for each direction."
     remedy = (

@@ -5,7 +5,7 @@ from math import erf
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects import FRICTION_FACTOR, Effect, EffectPorts, Parameter, Values, shape, size
+from hil_sim.effects import FRICTION_FACTOR, Effect, EffectPorts, Values, shape, size
 from hil_sim.effects.ports import POSITION_MARGIN
 from hil_sim.settings import AxisSettings
 
@@ -49,18 +49,12 @@ class FrictionMap(Effect):
     preload of the rails of both axes, cables and covers that press harder in one corner.
     """
 
-    name = "friction_map"
     group = "friction"
     parameters = (
         size("amplitude", "", "largest deviation from 1", (0.05, 0.3), least=0.0, below=1.0),
         shape("length", "m", "correlation length", (0.02, 0.1), least=5e-3),
-        Parameter(
-            "seed",
-            "",
-            "selects the field, by its integer part",
-            (0.0, 1e6),
-            role="shape",
-            least=0.0,
+        shape(
+            "seed", "", "selects the field, by its integer part", (0.0, 1e6), least=0.0, log=False
         ),
     )
     equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within ±1, drawn from seed"

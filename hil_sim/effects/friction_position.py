@@ -12,7 +12,6 @@ class FrictionPosition(Effect):
     lubricant where the carriage seldom goes, a pinched seal.
     """
 
-    name = "friction_position"
     group = "friction"
     parameters = (
         size("amplitude", "", "increase at the center", (0.2, 0.6), least=-1.0),

@@ -13,7 +13,6 @@ class FrictionSpot(Effect):
     cable that rubs in one corner.
     """
 
-    name = "friction_spot"
     group = "friction"
     parameters = (
         size("amplitude", "", "increase at the center", (0.05, 0.6), least=-0.9),

@@ -65,7 +65,7 @@ def _load(point: metadata.EntryPoint) -> Effect:
         raise EffectError(f"{_describe_origin(point)}: {type(error).__name__}: {error}") from error
     if not isinstance(effect, Effect):
         raise EffectError(f"{_describe_origin(point)}: is not a hil_sim.effects.Effect")
-    for name in ("name", "group", "parameters", "equation", "enters", "remedy"):
+    for name in ("group", "parameters", "equation", "enters", "remedy"):
         if not hasattr(effect, name):
             raise EffectError(f"{_describe_origin(point)}: has no {name}")
     if effect.group not in GROUPS:

@@ -17,7 +17,6 @@ class LowSpeedFriction(Effect):
     guides instead rise.
     """
 
-    name = "low_speed_friction"
     group = "friction"
     transmission = True
     parameters = (

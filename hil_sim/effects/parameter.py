@@ -150,6 +150,12 @@ def share(meaning: str, plausible: Interval, signed: bool = False) -> Parameter:
     return size("ratio", "", meaning, plausible, signed=signed, above=-1.0, below=1.0)
 
 
+def asymmetry(plausible: Interval) -> Parameter:
+    """The share by which a figure differs with the direction of motion."""
+    meaning = "half the difference between the directions over their mean"
+    return share(meaning, plausible, signed=True)
+
+
 def force(
     key: str, meaning: str, plausible: Interval, signed: bool = False, least: float = -math.inf
 ) -> Parameter:

@@ -11,7 +11,6 @@ class PayloadMass(Effect):
     chain that was not weighed, or a mass from CAD before the last change.
     """
 
-    name = "payload_mass"
     group = "mass"
     parameters = (mass("added to the moved mass", (0.03, 0.15)),)
     equation = "m + mass (may be negative)"

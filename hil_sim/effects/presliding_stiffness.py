@@ -10,7 +10,6 @@ class PreslidingStiffness(Effect):
     wipers add compliance; surface and lubricant film determine the presliding distance.
     """
 
-    name = "presliding_stiffness"
     group = "friction"
     parameters = (factor("presliding stiffness over the nominal one", (0.4, 2.2)),)
     equation = "sigma0 * ratio"

@@ -20,7 +20,6 @@ class ResidualTable(Effect):
     next week. A gap diagnosis writes it into a twin, and never finds it.
     """
 
-    name = "residual_table"
     group = "force"
     parameters = (
         Parameter("position", "m", "nodes over position, increasing", role="table"),

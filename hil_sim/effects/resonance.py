@@ -10,7 +10,6 @@ class Resonance(Effect):
     plate that bends: motor and encoder act on one part, the other follows through a spring.
     """
 
-    name = "resonance"
     group = "dynamics"
     parameters = oscillator(
         frequency=("frequency of the free-free mode", (70.0, 160.0)),

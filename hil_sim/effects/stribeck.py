@@ -10,7 +10,6 @@ class Stribeck(Effect):
     guides with little lubricant show hardly any.
     """
 
-    name = "stribeck"
     group = "friction"
     parameters = (
         size(

@@ -10,7 +10,6 @@ class ThermalDrift(Effect):
     guides later; after a long rest the lubricant film recovers within seconds.
     """
 
-    name = "thermal_drift"
     group = "friction"
     parameters = (
         size("amplitude", "", "increase at t = 0", (0.1, 0.4), least=-1.0),

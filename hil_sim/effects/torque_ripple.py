@@ -13,7 +13,6 @@ class TorqueRipple(ForceRipple):
     a short pitch along the travel, and proportional to the current.
     """
 
-    name = "torque_ripple"
     transmission = True
     parameters = (
         share("amplitude over the mean torque", (0.01, 0.1)),

@@ -14,7 +14,6 @@ class TransmissionRipple(Cogging):
     and rack teeth, the poles of a rotary motor: harmonics of the lead or of the tooth pitch.
     """
 
-    name = "transmission_ripple"
     transmission = True
     parameters = (
         replace(Cogging.parameters[0], plausible=(0.02, 0.2)),

@@ -13,7 +13,6 @@ class Unbalance(Effect):
     not match: a torque with one period per turn.
     """
 
-    name = "unbalance"
     group = "force"
     transmission = True
     parameters = (

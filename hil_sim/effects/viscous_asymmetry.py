@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, share
+from hil_sim.effects import FED_FORWARD, Effect, EffectPorts, Values, asymmetry
 
 
 class ViscousAsymmetry(Effect):
@@ -12,14 +12,9 @@ class ViscousAsymmetry(Effect):
     way, gears with other losses when driven back, wipers that pump.
     """
 
-    name = "viscous_asymmetry"
     group = "friction"
     transmission = True
-    parameters = (
-        share(
-            "half the difference between the directions over their mean", (0.05, 0.4), signed=True
-        ),
-    )
+    parameters = (asymmetry((0.05, 0.4)),)
     equation = "sigma_v * (1 + ratio sgn v)"
     enters = "A factor on sigma_v for each direction."
     remedy = (

@@ -10,7 +10,6 @@ class ViscousDamping(Effect):
     conductive parts near the magnets, or air squeezed through narrow gaps.
     """
 
-    name = "viscous_damping"
     group = "friction"
     parameters = (factor("viscous coefficient over the nominal one", (0.3, 2.2)),)
     equation = "sigma_v * ratio"
