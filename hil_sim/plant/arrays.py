@@ -9,7 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant.control import CONTROL_DTYPE, CONTROL_STATE_DTYPE, HELD_AT_POSITION
+from hil_sim.plant.control import (
+    CASCADE_FIGURES,
+    CONTROL_DTYPE,
+    CONTROL_STATE_DTYPE,
+    HELD_AT_POSITION,
+    LOOP_FIGURES,
+)
 from hil_sim.plant.friction.gms import element_shares
 from hil_sim.plant.friction.laws import NUMBERS, rest_forces
 from hil_sim.plant.ports.current_loop import write_coarse_weights
@@ -110,19 +116,12 @@ def _plant_record(axis: AxisSettings) -> dict[str, float]:
     }
 
 
-def _control_record(control: ControlSettings) -> tuple[float | bool, ...]:
+def _control_record(control: ControlSettings) -> tuple[float, ...]:
     cascade = control.cascade or CascadeSettings(1.0, 1.0)
     return (
-        control.kp,
-        control.ki,
-        control.kd,
-        control.derivative_time,
-        control.peak_force,
+        *(getattr(control, name) for name in LOOP_FIGURES),
+        *(getattr(cascade, name) for name in CASCADE_FIGURES),
         control.cascade is not None,
-        cascade.position_gain,
-        cascade.velocity_integral,
-        cascade.feedforward,
-        cascade.span,
     )
 
 

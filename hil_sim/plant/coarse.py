@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 
-from hil_sim.plant.control import advance_demand, position_loop
-from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.friction.gms import Slip, slip_step, turn
+from hil_sim.plant.control import run_loop
+from hil_sim.plant.encoder import end_tick
+from hil_sim.plant.friction.gms import Slip, slide
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
@@ -41,88 +41,95 @@ def _decay(y):  # type: ignore[no-untyped-def]
     return 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0)))
 
 
+@kernel(inline="always")
+def _kick(p, s, arena, new, old, dt):  # type: ignore[no-untyped-def]
+    """Set `kick` and `lead` of an axis in this step, and its motor force at the end.
+
+    Coupling with the other axis is not included: `solve_jointly`.
+
+    Args:
+        p: record of the axis.
+        s: state of the axis.
+        arena: of all axes, float64[n].
+        new: input of the current loop in this step [N].
+        old: its input before it changes [N].
+        dt: of the step [s].
+    """
+    start = s.motor_force
+    share = p.coarse_share  # (n + 1)/(2n)
+    mean = new + p.mean_old * (old - new) + p.mean_start * (start - new)
+    early = share * new + p.early_old * (old - new) + p.early_start * (start - new)
+    s.motor_force = new + p.end_old * (old - new) + p.end_start * (start - new)
+    resistance = s.friction + p.viscous * s.velocity
+    ahead = (early - share * mean) * p.mobility
+    s.springs = 0.0
+    if p.ported:
+        s.kick = dt * drive(p, s, arena, 0.0, mean, resistance)
+        ahead *= s.response
+    else:
+        s.kick = dt * (mean - resistance) * p.mobility
+    s.lead = dt * ahead
+
+
+@kernel(inline="always")
+def _move(p, s, arena, forces, slipping, shares, dt):  # type: ignore[no-untyped-def]
+    """Move an axis by one step of `dt` [s], and let its forces follow.
+
+    Arguments: records of the axis, arrays of all axes.
+    """
+    share = p.coarse_share
+    before = s.velocity
+    after = before + s.kick
+    speed = before + share * s.kick + (1.0 - share) * dt * s.springs + s.lead
+    dx = dt * speed
+    s.position += dx
+    change = p.viscous * s.kick
+    level = p.coulomb
+    if p.ported:
+        change += drag(p, arena, dx) + (s.pull_slope - s.rise) * dx + s.push_rate * dt
+        if p.velocity_force >= 0:
+            change += over_velocity(arena, p, after) - over_velocity(arena, p, before)
+        level *= coulomb_factor(p, s, dx)
+    if dx != 0.0:
+        curve = 1.0
+        if abs(speed) < p.stribeck_end:
+            curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+        decay = _decay(p.relaxation_rate * dt / curve)
+        level = level * curve * (1.0 + s.wander)
+        held = s.friction
+        slide(p, s, forces, slipping, shares, Slip(math.copysign(1.0, dx), dx, level, decay))
+        change += s.friction - held
+    change *= 1.0 - share
+    s.velocity = after - dt * p.mobility * change
+    if p.ported:
+        s.net -= change
+        swing(p, s, arena, dt)
+
+
 @kernel()
 def advance_coarsely(m, normals, first, ticks):  # type: ignore[no-untyped-def]
-    """Advance every axis, in one long function: passing arrays on costs more than the step itself.
+    """Advance every axis by one step in each of the `ticks` control ticks.
 
-    (numba counts their references at every call.) Each of the `ticks` control ticks is one step.
-    Arguments: as those of `mechanics.advance`.
+    What it calls with arrays is inlined: passing them on costs more than the step itself. (numba
+    counts their references at every call.) Arguments: as those of `mechanics.advance`.
     """
     plant, control, state, loop = m.plant, m.control, m.state, m.loop
     forces, slipping, shares, arena = m.forces, m.slipping, m.shares, m.arena
     period = m.period
     axes = plant.shape[0]
-    noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
-    dt = period
     for tick in range(first, first + ticks):
         for a in range(axes):
-            p = plant[a]
-            s = state[a]
-            own = loop[a]
-            advance_demand(own)
-            if own.powered:
-                error = position_loop(control[a], own, s.encoder, period)
-                s.worst_error = max(s.worst_error, abs(error))
-            new = own.output
-            old = new
-            if p.ported:
-                refresh(plant[a], state[a], state[axes - 1 - a].position, arena, new, period)
-                new = s.late
-                old = s.later
-            start = s.motor_force
-            share = p.coarse_share  # (n + 1)/(2n)
-            mean = new + p.mean_old * (old - new) + p.mean_start * (start - new)
-            early = share * new + p.early_old * (old - new) + p.early_start * (start - new)
-            s.motor_force = new + p.end_old * (old - new) + p.end_start * (start - new)
-            resistance = s.friction + p.viscous * s.velocity
-            ahead = (early - share * mean) * p.mobility
-            s.springs = 0.0
-            if p.ported:
-                s.kick = dt * drive(p, s, arena, 0.0, mean, resistance)
-                ahead *= s.response
-            else:
-                s.kick = dt * (mean - resistance) * p.mobility
-            s.lead = dt * ahead
+            s, own = state[a], loop[a]
+            run_loop(control[a], own, s, period)
+            new = old = own.output
+            if plant[a].ported:
+                refresh(plant[a], s, state[axes - 1 - a].position, arena, new, period)
+                new, old = s.late, s.later
+            _kick(plant[a], s, arena, new, old, period)
         if coupled:
-            solve_jointly(plant, state, arena, dt)
+            solve_jointly(plant, state, arena, period)
         for a in range(axes):
-            p = plant[a]
-            s = state[a]
-            share = p.coarse_share
-            before = s.velocity
-            after = before + s.kick
-            speed = before + share * s.kick + (1.0 - share) * dt * s.springs + s.lead
-            dx = dt * speed
-            s.position += dx
-            change = p.viscous * s.kick
-            level = p.coulomb
-            if p.ported:
-                change += drag(p, arena, dx) + (s.pull_slope - s.rise) * dx + s.push_rate * dt
-                if p.velocity_force >= 0:
-                    change += over_velocity(arena, p, after) - over_velocity(arena, p, before)
-                level *= coulomb_factor(p, s, dx)
-            if dx != 0.0:
-                direction = math.copysign(1.0, dx)
-                turn(p, s, slipping, direction)
-                curve = 1.0
-                if abs(speed) < p.stribeck_end:
-                    curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
-                decay = _decay(p.relaxation_rate * dt / curve)
-                slip = Slip(direction, dx, level * curve * (1.0 + s.wander), decay)
-                friction = slip_step(
-                    forces, slipping, shares, slip, p.element_stiffness, p.elements, p.first_element
-                )
-                change += friction - s.friction
-                s.friction = friction
-            change *= 1.0 - share
-            s.velocity = after - dt * p.mobility * change
-            if p.ported:
-                s.net -= change
-                swing(p, s, arena, dt)
-            if noisy:
-                s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
-                read_encoder(p, s, period, normals[a, 0, tick])
-            else:
-                s.wander *= p.wander_keep
-                read_encoder(p, s, period, 0.0)
+            p, s = plant[a], state[a]
+            _move(p, s, arena, forces, slipping, shares, period)
+            end_tick(p, s, normals, a, tick, period)

@@ -13,18 +13,14 @@ import numpy as np
 
 from stagedata.compiled import kernel
 
+LOOP_FIGURES = ("kp", "ki", "kd", "derivative_time", "peak_force")
+"""Of `ControlSettings`."""
+CASCADE_FIGURES = ("position_gain", "velocity_integral", "feedforward", "span")
+"""Of `CascadeSettings`."""
 CONTROL_DTYPE = np.dtype(
     [
-        ("kp", "f8"),
-        ("ki", "f8"),
-        ("kd", "f8"),
-        ("derivative_time", "f8"),
-        ("peak_force", "f8"),
+        *((name, "f8") for name in (*LOOP_FIGURES, *CASCADE_FIGURES)),
         ("cascaded", "?"),
-        ("position_gain", "f8"),
-        ("velocity_integral", "f8"),
-        ("feedforward", "f8"),
-        ("span", "i8"),
     ],
     align=True,
 )
@@ -55,6 +51,22 @@ HELD_AT_POSITION = (
     "demand", "from_position", "to_position", "reading", "reading_before", "last_demand",
 )  # fmt: skip
 """Fields of the state that are set to the encoder's reading when the loop is closed."""
+
+
+@kernel()
+def run_loop(control, loop, state, period):  # type: ignore[no-untyped-def]
+    """One control tick: advance the demand and, under power, run the position loop.
+
+    Args:
+        control: record of the axis.
+        loop: state of the loop.
+        state: state of the axis.
+        period: Tc [s].
+    """
+    advance_demand(loop)
+    if loop.powered:
+        error = position_loop(control, loop, state.encoder, period)
+        state.worst_error = max(state.worst_error, abs(error))
 
 
 @kernel()

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.friction.gms import Slip, slip_step, turn
+from hil_sim.plant.friction.gms import Slip, slide
 from hil_sim.plant.friction.laws import GMS
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import coulomb_factor, drag, drive, refresh, swing
@@ -121,13 +121,9 @@ def _follow(m, coupled, period, course, force):  # type: ignore[no-untyped-def]
                 direction = math.copysign(1.0, dx)
                 curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
                 if p.law == GMS:
-                    turn(p, s, slipping, direction)
                     decay = math.exp(-p.relaxation_rate * period / curve)
                     slip = Slip(direction, dx, level * curve, decay)
-                    s.friction = slip_step(
-                        forces, slipping, shares, slip, p.element_stiffness, p.elements,
-                        p.first_element,
-                    )  # fmt: skip
+                    slide(p, s, forces, slipping, shares, slip)
                 else:
                     s.friction = direction * level * curve
             resistance = s.friction + p.viscous * v

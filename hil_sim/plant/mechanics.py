@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 
 from hil_sim.plant.coarse import advance_coarsely
-from hil_sim.plant.control import advance_demand, position_loop
-from hil_sim.plant.encoder import read_encoder
+from hil_sim.plant.control import run_loop
+from hil_sim.plant.encoder import end_tick
 from hil_sim.plant.friction.coulomb import hold
-from hil_sim.plant.friction.gms import Slip, slip_step, turn
+from hil_sim.plant.friction.gms import Slip, slide
 from hil_sim.plant.friction.laws import COULOMB, GMS
 from hil_sim.plant.friction.stribeck import stribeck
 from hil_sim.plant.ports.disturbances import (
@@ -68,15 +68,11 @@ def _advance_finely(m, normals, first, ticks):  # type: ignore[no-untyped-def]
     period, substeps = m.period, m.substeps
     axes = plant.shape[0]
     dt = period / substeps
-    noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
     for tick in range(first, first + ticks):
         for a in range(axes):
             s, own = state[a], loop[a]
-            advance_demand(own)
-            if own.powered:
-                error = position_loop(control[a], own, s.encoder, period)
-                s.worst_error = max(s.worst_error, abs(error))
+            run_loop(control[a], own, s, period)
             if plant[a].ported:
                 refresh(plant[a], s, state[axes - 1 - a].position, arena, own.output, period)
         for substep in range(substeps):
@@ -105,20 +101,13 @@ def _advance_finely(m, normals, first, ticks):  # type: ignore[no-untyped-def]
                     drag(p, arena, dx)
                     level *= coulomb_factor(p, s, v)
                 if p.law == GMS and v != 0.0:
-                    direction = math.copysign(1.0, v)
-                    turn(p, s, slipping, direction)
                     curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
                     decay = math.exp(-p.relaxation_rate * dt / curve)
-                    slip = Slip(direction, dx, level * curve * (1.0 + s.wander), decay)
-                    s.friction = slip_step(
-                        forces, slipping, shares, slip, p.element_stiffness, p.elements,
-                        p.first_element,
-                    )  # fmt: skip
+                    level = level * curve * (1.0 + s.wander)
+                    slip = Slip(math.copysign(1.0, v), dx, level, decay)
+                    slide(p, s, forces, slipping, shares, slip)
         for a in range(axes):
-            p, s = plant[a], state[a]
-            misread, drawn = (normals[a, 0, tick], normals[a, 1, tick]) if noisy else (0.0, 0.0)
-            s.wander = p.wander_keep * s.wander + p.wander * drawn
-            read_encoder(p, s, period, misread)
+            end_tick(plant[a], state[a], normals, a, tick, period)
 
 
 @kernel(inline="always")

@@ -64,15 +64,6 @@ class Slip(NamedTuple):
 
 
 @kernel(inline="always")
-def turn(p, s, slipping, direction):  # type: ignore[no-untyped-def]
-    """Let all elements of an axis stick where its direction of motion changes."""
-    if direction != s.direction:
-        s.direction = direction
-        for i in range(p.first_element, p.first_element + p.elements):
-            slipping[i] = False
-
-
-@kernel(inline="always")
 def slip_step(
     forces: F64,
     slipping: NDArray[np.bool_],
@@ -113,3 +104,24 @@ def slip_step(
         forces[i] = force
         total += force
     return total
+
+
+@kernel(inline="always")
+def slide(p, s, forces, slipping, shares, slip):  # type: ignore[no-untyped-def]
+    """Advance the elements of an axis by one step; all stick where its direction has changed.
+
+    Args:
+        p: record of the axis.
+        s: state of the axis, whose `friction` is set.
+        forces: F_i of all axes [N], as of `slip_step`.
+        slipping: slip flags, likewise.
+        shares: nu_i, likewise.
+        slip: of this step.
+    """
+    if slip.direction != s.direction:
+        s.direction = slip.direction
+        for i in range(p.first_element, p.first_element + p.elements):
+            slipping[i] = False
+    s.friction = slip_step(
+        forces, slipping, shares, slip, p.element_stiffness, p.elements, p.first_element
+    )

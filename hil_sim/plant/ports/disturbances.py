@@ -79,15 +79,15 @@ def _level(p, s, across, arena, t):  # type: ignore[no-untyped-def]
             arena, p.position_coulomb, p.table_low, p.table_inverse, p.table_count, s.place
         )
     factor = 1.0
-    for i in range(p.decay_count):
+    for i in range(p.decays_count):
         at = p.decays + 2 * i
         factor *= 1.0 + arena[at] * math.exp(-t * arena[at + 1])
     if p.time_coulomb >= 0:
         value, _ = _over_time(arena, p.time_coulomb, p.time_inverse, p.time_count, t)
         factor *= value
-    if p.field_count > 0:
+    if p.fields_count > 0:
         offset = p.fields
-        for _ in range(p.field_count):
+        for _ in range(p.fields_count):
             value, offset = _field(arena, offset, s.place, across)
             factor *= value
     s.coulomb = coulomb * factor
@@ -99,7 +99,7 @@ def _push(p, s, arena, t, half):  # type: ignore[no-untyped-def]
     """Set the force over time at t, linear about the middle of the tick, and its rate."""
     push = 0.0
     rate = 0.0
-    for i in range(p.harmonic_count):
+    for i in range(p.harmonics_count):
         at = p.harmonics + 3 * i
         angle = arena[at + 1] * (t + half) + arena[at + 2]
         push += arena[at] * math.sin(angle)
@@ -217,7 +217,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
         sprung += arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
     s.sprung = sprung
     acceleration = (s.net + sprung) / p.mass
-    for i in range(p.base_count):
+    for i in range(p.bases_count):
         at = p.bases + 5 * i
         acceleration += (arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4] + s.net) / arena[
             at + 2
@@ -265,7 +265,7 @@ def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
             arena[at + 4] -= dt * (pull / arena[at + 2] + acceleration)
             arena[at + 3] += dt * arena[at + 4]
         s.deflection = arena[p.hanging + 3]
-    for i in range(p.base_count):
+    for i in range(p.bases_count):
         at = p.bases + 5 * i
         pull = arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
         arena[at + 4] -= dt * (pull + s.net) / arena[at + 2]

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts, Oscillator
 from hil_sim.plant.ports.current_loop import decay_of, write_delay
-from hil_sim.plant.ports.records import Arena
+from hil_sim.plant.ports.records import LISTS, TABLES, Arena
 from hil_sim.settings import SUBSTEPS, StageSettings
 
 F64 = NDArray[np.float64]
 
-_OFFSETS = (
-    "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
-    "time_force", "time_coulomb", "harmonics", "decays", "hysteresis", "fields", "history",
+_FIGURES = (
+    "mass", "viscous", "static_ratio", "coulomb_forward", "coulomb_backward", "force", "spring",
 )  # fmt: skip
+"""That stand in the record as they stand in the ports."""
 
 
 def build_ports(
@@ -65,7 +66,6 @@ def write_ports(
     _write_values(record, ports, settings.control_period, substeps)
     _write_tables(record, ports, arena, settings.sync_period)
     _write_lists(record, ports, arena)
-    _write_dynamics(record, ports, arena)
     write_delay(record, ports, arena, settings.control_period, substeps)
     record["ported"] = (
         ports.force_constant != 1.0
@@ -75,29 +75,23 @@ def write_ports(
         or ports.spring != 0.0
         or ports.coupled_mass != 0.0
         or math.isfinite(ports.saturation)
-        or bool(ports.hanging or ports.bases)
-        or any(record[name] >= 0 for name in _OFFSETS)
+        or any(record[name] >= 0 for name in (*TABLES, *LISTS, "history"))
     )
 
 
 def _write_values(record: np.void, ports: EffectPorts, period: float, substeps: int) -> None:
     friction = ports.axis.friction
-    record["mass"] = ports.mass
-    record["viscous"] = ports.viscous
+    for name in _FIGURES:
+        record[name] = getattr(ports, name)
     record["element_stiffness"] = ports.stiffness / max(friction.elements, 1)
-    record["static_ratio"] = ports.static_ratio
     record["coulomb"] = friction.coulomb * ports.coulomb
     record["current_gain"] = 1.0 - math.exp(-decay_of(ports, period, substeps))
     record["gain"] = ports.force_constant
     record["saturation"] = ports.saturation if math.isfinite(ports.saturation) else 0.0
-    record["coulomb_forward"] = ports.coulomb_forward
-    record["coulomb_backward"] = ports.coulomb_backward
-    record["force"] = ports.force
-    record["spring"] = ports.spring
 
 
 def _write_tables(record: np.void, ports: EffectPorts, arena: Arena, sync_period: float) -> None:
-    """Write tables over position (padded at each end), velocity and time, and fields."""
+    """Write tables over position (padded at each end), velocity and time."""
     nodes = ports.positions
     record["table_low"] = nodes[0]
     record["table_inverse"] = (len(nodes) - 1) / (nodes[-1] - nodes[0])
@@ -114,11 +108,6 @@ def _write_tables(record: np.void, ports: EffectPorts, arena: Arena, sync_period
         record[name] = arena.add(table)
         if table is not None:
             record["time_count"] = len(table)
-    fields = [
-        np.concatenate([*map(_grid, (f.own, f.other)), f.values.ravel()]) for f in ports.fields
-    ]
-    record["fields"] = arena.add(np.concatenate(fields) if fields else None)
-    record["field_count"] = len(fields)
 
 
 def _grid(nodes: F64) -> tuple[float, float, float]:
@@ -127,16 +116,7 @@ def _grid(nodes: F64) -> tuple[float, float, float]:
 
 
 def _write_lists(record: np.void, ports: EffectPorts, arena: Arena) -> None:
-    record["harmonics"] = arena.add([(a, 2.0 * math.pi * f, phi) for a, f, phi in ports.harmonics])
-    record["harmonic_count"] = len(ports.harmonics)
-    record["decays"] = arena.add([(a, 1.0 / tau) for a, tau in ports.decays])
-    record["decay_count"] = len(ports.decays)
-    record["hysteresis"] = arena.add([(k, f, 0.0) for f, k in ports.hysteresis])
-    record["hysteresis_count"] = len(ports.hysteresis)
-
-
-def _write_dynamics(record: np.void, ports: EffectPorts, arena: Arena) -> None:
-    """Write the oscillators and the mobility of the carriage."""
+    """Write the lists, and what oscillators leave of the carriage: its mass and mobility."""
     total = ports.mass
     hanging = []
     for part in ports.hanging:
@@ -151,9 +131,20 @@ def _write_dynamics(record: np.void, ports: EffectPorts, arena: Arena) -> None:
             mass = total / part.mass_ratio
             bases.append(_oscillator(part, mass, mass))
     record["mass"] = carriage
-    record["hanging"], record["hanging_count"] = arena.add(hanging), len(hanging)
-    record["bases"], record["base_count"] = arena.add(bases), len(bases)
     record["mobility"] = 1.0 / carriage + sum(1.0 / b[2] for b in bases)
+    lists: dict[str, list[Any]] = {
+        "harmonics": [(a, 2.0 * math.pi * f, phi) for a, f, phi in ports.harmonics],
+        "decays": [(a, 1.0 / tau) for a, tau in ports.decays],
+        "hysteresis": [(k, f, 0.0) for f, k in ports.hysteresis],
+        "hanging": hanging,
+        "bases": bases,
+        "fields": [
+            np.concatenate([*map(_grid, (f.own, f.other)), f.values.ravel()]) for f in ports.fields
+        ],
+    }
+    for name, rows in lists.items():
+        record[name] = arena.add(np.concatenate(rows) if rows else None)
+        record[f"{name}_count"] = len(rows)
 
 
 def _oscillator(part: Oscillator, mass: float, reduced: float) -> tuple[float, ...]:

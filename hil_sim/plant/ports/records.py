@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
+TABLES = (
+    "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
+    "time_force", "time_coulomb",
+)  # fmt: skip
+LISTS = ("harmonics", "decays", "hysteresis", "hanging", "bases", "fields")
+"""Each with a count, such as `harmonics_count`."""
 PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
     ("on_load", "?"),  # the encoder is on the part that hangs from the carriage
@@ -28,40 +34,19 @@ PORT_FIELDS = [
     ("table_low", "f8"),
     ("table_inverse", "f8"),
     ("table_count", "i8"),
-    ("position_force", "i8"),
-    ("position_coulomb", "i8"),
-    ("position_gain", "i8"),
-    ("misreading", "i8"),
     ("velocity_scale", "f8"),
     ("velocity_nodes", "i8"),
-    ("velocity_force", "i8"),
     ("time_inverse", "f8"),
     ("time_count", "i8"),
-    ("time_force", "i8"),
-    ("time_coulomb", "i8"),
-    ("harmonics", "i8"),
-    ("harmonic_count", "i8"),
-    ("decays", "i8"),
-    ("decay_count", "i8"),
-    ("hysteresis", "i8"),
-    ("hysteresis_count", "i8"),
-    ("hanging", "i8"),
-    ("hanging_count", "i8"),
-    ("bases", "i8"),
-    ("base_count", "i8"),
-    ("fields", "i8"),
-    ("field_count", "i8"),
+    *((name, "i8") for name in (*TABLES, *LISTS)),
+    *((f"{name}_count", "i8") for name in LISTS),
     ("history", "i8"),
     ("history_depth", "i8"),
     ("delay_ticks", "i8"),
     ("delay_share", "i8"),
     ("coupling", "i8"),
-    ("end_old", "f8"),  # of a coarse step: `current_loop`
-    ("end_start", "f8"),
-    ("mean_old", "f8"),
-    ("mean_start", "f8"),
-    ("early_old", "f8"),
-    ("early_start", "f8"),
+    # weights of a coarse step: `current_loop`
+    *((f"{of}_{force}", "f8") for of in ("end", "mean", "early") for force in ("old", "start")),
     ("coarse_share", "f8"),
 ]
 """Fields of the plant's record; integers without a count are offsets in the arena."""

@@ -68,7 +68,7 @@ def test_a_part_on_the_carriage_swings_at_its_frequency_and_keeps_its_energy():
     mass, frequency, dt = 2.0, 40.0, 2e-5
     rate = 2.0 * math.pi * frequency
     arena = np.array([mass * rate**2, 0.0, mass, 1e-6, 0.0])
-    p = SimpleNamespace(hanging=0, hanging_count=1, bases=0, base_count=0, mass=8.0)
+    p = SimpleNamespace(hanging=0, hanging_count=1, bases=0, bases_count=0, mass=8.0)
     s = SimpleNamespace(net=0.0, sprung=0.0)
     deflection = []
     for _ in range(round(0.1 / dt)):  # four periods; the carriage is held

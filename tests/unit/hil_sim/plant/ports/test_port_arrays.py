@@ -25,7 +25,7 @@ def test_lists_are_counted_from_their_offset(nominal, with_effects):
 
     arrays = Arrays(with_effects(nominal, effect_of(write)), (0.0, 0.0))
     record = arrays.plant[0]
-    assert (record["harmonic_count"], record["decay_count"], record["hysteresis_count"]) == (
+    assert (record["harmonics_count"], record["decays_count"], record["hysteresis_count"]) == (
         2,
         1,
         1,
