@@ -136,18 +136,23 @@ class Dictionary:
                     abort.ABORT_LENGTH_TOO_HIGH if excess > 0 else abort.ABORT_LENGTH_TOO_LOW
                 )
         value: Any = variable.decode_raw(bytes(data))
-        if variable.max is not None and value > variable.max:
-            raise SdoAbortedError(abort.ABORT_VALUE_TOO_HIGH)
-        if variable.min is not None and value < variable.min:
-            raise SdoAbortedError(abort.ABORT_VALUE_TOO_LOW)
         k = key(index, subindex)
-        check = self.check.get(k)
-        if check is not None:
-            check(value)
+        self.check_value(k, value)
         self.values[k] = value
         on_write = self.on_write.get(k)
         if on_write is not None:
             on_write(value)
+
+    def check_value(self, k: int, value: Any) -> None:
+        """Raise `SdoAbortedError` unless the object accepts the value."""
+        variable = self.variables[k]
+        if variable.max is not None and value > variable.max:
+            raise SdoAbortedError(abort.ABORT_VALUE_TOO_HIGH)
+        if variable.min is not None and value < variable.min:
+            raise SdoAbortedError(abort.ABORT_VALUE_TOO_LOW)
+        check = self.check.get(k)
+        if check is not None:
+            check(value)
 
     def check_writable(self, index: int, subindex: int) -> None:
         """Raise `SdoAbortedError` unless a client may write the object."""

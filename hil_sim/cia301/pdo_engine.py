@@ -21,11 +21,13 @@ class PdoEngine:
     """All PDOs of a node.
 
     Args:
+        dictionary: of the drive.
+        segment: the bus.
         announce: sends the EMCY for an RPDO of the wrong length.
         on_timeout: called when an RPDO was not received within its event timer.
 
     Attributes:
-        on_sync: sends the synchronous TPDOs that are due, then applies the synchronous RPDOs
+        on_sync: sends the synchronous TPDOs that are due, then acts on the synchronous RPDOs
             received since the last SYNC.
     """
 
@@ -36,24 +38,21 @@ class PdoEngine:
         announce: Callable[[int], None],
         on_timeout: Callable[[], None],
     ) -> None:
-        self._announce = announce
-        self._on_timeout = on_timeout
         self._dictionary = dictionary
         self._segment = segment
-        self._real_time = hasattr(segment, "sync_overtaken")
         self._running = False
         self._sync_ns = 0
         self._window_ns = 0
         self._subscribed: list[tuple[int, Rpdo]] = []
-        self._rpdos = [Rpdo(dictionary, n, self, segment) for n in range(COUNT)]
+        self._rpdos = [
+            Rpdo(dictionary, n, segment, self._act, self._is_in_window, announce, on_timeout)
+            for n in range(COUNT)
+        ]
         self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
         self._sync_rpdos: tuple[Rpdo, ...] = ()
-        self._several = False
-        self._emit = segment.emit
-        self.on_sync: Callable[[], None] = self._on_any_sync
-        self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
         self._event_tpdos: tuple[Tpdo, ...] = ()
+        self.on_sync: Callable[[], None] = self._on_any_sync
         dictionary.on_write[_SYNC_WINDOW] = lambda _: self._select_active()
         for pdo in (*self._rpdos, *self._tpdos):
             keys = [pdo.cob_key, pdo.type_key]
@@ -82,58 +81,33 @@ class PdoEngine:
 
     def _on_any_sync(self) -> None:
         """As `on_sync`, whatever is mapped."""
-        self._send()
-        self.latch()
-
-    def _send(self) -> None:
         # The host would take them for the answer to the next SYNC, which is on the bus already.
-        if not (self._real_time and self._segment.sync_overtaken):  # type: ignore[attr-defined]
-            for cob_id, sample in self._at_every_sync:
-                self._emit(cob_id, sample())
+        if not getattr(self._segment, "sync_overtaken", False):
             for tpdo in self._sync_tpdos:
                 tpdo.on_sync()
-
-    def latch(self) -> None:
-        """Apply the synchronous RPDOs received since the last SYNC."""
-        if self._several:
-            self._latch_several()
-        else:
-            for rpdo in self._sync_rpdos:
-                data = rpdo.pending
-                if data is not None:
-                    rpdo.pending = None
-                    rpdo.apply(data)
-        if self._window_ns:
-            self._sync_ns = self._segment.now_ns
-
-    def _latch_several(self) -> None:
-        """Store the values of all pending RPDOs before any of them acts."""
         hooks: Hooks = ()
         for rpdo in self._sync_rpdos:
-            data = rpdo.pending
-            if data is not None:
+            if rpdo.pending is not None:
+                hooks += rpdo.store(rpdo.pending)
                 rpdo.pending = None
-                hooks += rpdo.store(data)
+        if hooks:
+            self._act(hooks)
+        self._sync_ns = self._segment.now_ns
+
+    def _act(self, hooks: Hooks) -> None:
+        """Act on what has been stored, once per object and in order."""
         values = self._dictionary.values
         for k, hook in order_hooks(hooks, self._dictionary.act_last) if len(hooks) > 1 else hooks:
             hook(values[k])  # type: ignore[arg-type]
-
-    def emergency(self, code: int) -> None:
-        """Send an EMCY for an error that passes by itself."""
-        self._announce(code)
-
-    def on_rpdo_timeout(self) -> None:
-        """Handle an RPDO that was not received in time."""
-        self._on_timeout()
 
     def on_event(self) -> None:
         """Statusword or mode display has changed."""
         for tpdo in self._event_tpdos:
             tpdo.on_event()
 
-    def in_window(self) -> bool:
+    def _is_in_window(self) -> bool:
         """Whether a synchronous RPDO received now counts (0x1007)."""
-        return self._segment.now_ns - self._sync_ns <= self._window_ns
+        return not self._window_ns or self._segment.now_ns - self._sync_ns <= self._window_ns
 
     def _changed(self, pdo: Rpdo | Tpdo) -> None:
         if not self._running:
@@ -144,39 +118,32 @@ class PdoEngine:
             pdo.start()
 
     def _select_active(self) -> None:
+        segment = self._segment
         for cob_id, rpdo in self._subscribed:
-            self._segment.unsubscribe(cob_id, rpdo.on_frame)
+            segment.unsubscribe(cob_id, rpdo.on_frame)
         live = self._running
         self._window_ns = self._dictionary.integer(_SYNC_WINDOW) * 1000
-        for rpdo in self._rpdos:
-            rpdo.windowed = self._window_ns > 0
         self._subscribed = [(r.cob_id, r) for r in self._rpdos if live and r.valid]
         for cob_id, rpdo in self._subscribed:
-            self._segment.subscribe(cob_id, rpdo.on_frame)
-        synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
-        # the usual case saves a call per PDO; mixed types keep their order
-        simple = all(p.transmission == 1 for p in synchronous)
-        self._at_every_sync = tuple((p.cob_id, p.sample) for p in synchronous if simple)
-        self._sync_tpdos = () if simple else tuple(synchronous)
+            segment.subscribe(cob_id, rpdo.on_frame)
+        self._sync_tpdos = tuple(
+            p for p in self._tpdos if live and p.valid and p.transmission <= 240
+        )
         self._event_tpdos = tuple(
             p for p in self._tpdos if live and p.valid and p.transmission in EVENT
         )
         self._sync_rpdos = tuple(
             r for r in self._rpdos if live and r.valid and r.transmission <= 240
         )
-        self._several = len(self._sync_rpdos) > 1
-        one_of_each = len(self._at_every_sync) == len(self._sync_rpdos) == 1
-        if one_of_each and not self._real_time and not self._window_ns:
-            ((cob_id, sample),) = self._at_every_sync
-            self.on_sync = _exchanger(self._emit, cob_id, sample, self._sync_rpdos[0])
-        else:
-            self.on_sync = self._on_any_sync
+        self.on_sync = self._on_any_sync
+        if len(self._sync_tpdos) == len(self._sync_rpdos) == 1 and not self._window_ns:
+            if self._sync_tpdos[0].transmission == 1 and not hasattr(segment, "sync_overtaken"):
+                self.on_sync = _exchanger(segment.emit, self._sync_tpdos[0], self._sync_rpdos[0])
 
 
-def _exchanger(
-    emit: Callable[[int, bytes], None], cob_id: int, sample: Callable[[], bytes], rpdo: Rpdo
-) -> Callable[[], None]:
+def _exchanger(emit: Callable[[int, bytes], None], tpdo: Tpdo, rpdo: Rpdo) -> Callable[[], None]:
     """Make `on_sync` of a node with one PDO each way at every SYNC, in virtual time."""
+    cob_id, sample = tpdo.cob_id, tpdo.sample
 
     def exchange() -> None:
         emit(cob_id, sample())

@@ -9,7 +9,7 @@ within it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from canopen import SdoAbortedError
 
@@ -30,47 +30,48 @@ def order_hooks(hooks: Hooks, last: tuple[int, ...]) -> Hooks:
     return (*by_key.items(), *late)
 
 
-class RpdoOwner(Protocol):
-    """What an RPDO needs of its node."""
-
-    def emergency(self, code: int) -> None:
-        """Send an EMCY for an error that passes by itself."""
-
-    def in_window(self) -> bool:
-        """Whether a synchronous RPDO received now counts (0x1007)."""
-
-    def on_rpdo_timeout(self) -> None:
-        """Handle an RPDO that was not received within its event timer."""
-
-
 class Rpdo(Pdo):
     """A PDO that the drive receives.
 
+    Args:
+        dictionary: of the drive.
+        number: 0..3.
+        segment: the bus.
+        act: calls hooks with the values of their objects.
+        is_in_window: whether a frame for the next SYNC counts now (0x1007).
+        announce: sends an EMCY for an error that passes by itself.
+        on_timeout: called when the PDO was not received within its event timer.
+
     Attributes:
         pending: payload that waits for the SYNC.
-        windowed: only a frame within the SYNC window counts.
-        apply: stores a frame's values, then calls the hooks; made by `compile`.
-        store: only stores them; returns the hooks to call.
+        apply: stores a frame's values and acts on them; made by `compile`.
     """
 
     receive = True
 
     def __init__(
-        self, dictionary: Dictionary, number: int, engine: RpdoOwner, segment: CanSegment
+        self,
+        dictionary: Dictionary,
+        number: int,
+        segment: CanSegment,
+        act: Callable[[Hooks], None],
+        is_in_window: Callable[[], bool],
+        announce: Callable[[int], None],
+        on_timeout: Callable[[], None],
     ) -> None:
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
         self.deadline_key = key(0x1400 + number, 5)
         self.pending: bytes | None = None
-        self.windowed = False
-        self._engine = engine
         self._segment = segment
+        self._act, self._is_in_window = act, is_in_window
+        self._announce, self._on_timeout = announce, on_timeout
         self._deadline_ns = 0
         self._due_ns = 0
         self._timer: Timer | None = None
         self._reported = False
-        self.apply: Callable[[bytes], None] = self._apply_guarded
-        self.store: Callable[[bytes], Hooks] = self._store_guarded
         self._hooks: Hooks = ()
+        self._is_guarded = False
+        self.apply: Callable[[bytes], None] = self._apply
 
     def compile(self) -> None:
         """Read the parameters from the dictionary."""
@@ -79,17 +80,16 @@ class Rpdo(Pdo):
         self._reported = False
         d = self.dictionary
         self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
-        hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
-        self._hooks = order_hooks(hooks, d.act_last)
-        guarded = any(
+        self._hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
+        self._is_guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys
         )
-        if guarded:
-            self.store, self.apply = self._store_guarded, self._apply_guarded
-        else:
-            self.store = _storer(d.values, self.keys, self.codec.unpack, self._hooks)
-            self.apply = _writer(d.values, self.keys, self.codec.unpack, self._hooks)
+        self.apply = self._apply
+        if not self._is_guarded and len(self.keys) == 3 and len(self._hooks) == 1:
+            (k, hook) = self._hooks[0]
+            if k == self.keys[0]:
+                self.apply = _csp_writer(d.values, self.keys, self.codec.unpack, hook)
 
     def stop(self) -> None:
         """Discard what is pending, and stop the event timer."""
@@ -104,7 +104,7 @@ class Rpdo(Pdo):
             short = len(data) < self.codec.size
             if not self._reported:  # once per configuration, not at every SYNC
                 self._reported = True
-                self._engine.emergency(LENGTH_SHORT if short else LENGTH_LONG)
+                self._announce(LENGTH_SHORT if short else LENGTH_LONG)
             if short:
                 return
             data = data[: self.codec.size]
@@ -114,84 +114,50 @@ class Rpdo(Pdo):
                 self._timer = self._segment.at(self._due_ns, self._on_deadline)
         if self.transmission > 240:
             self.apply(data)
-        elif not self.windowed or self._engine.in_window():
+        elif self._is_in_window():
             self.pending = data
 
-    def _store_guarded(self, data: bytes) -> Hooks:
+    def _apply(self, data: bytes) -> None:
+        self._act(self.store(data))
+
+    def store(self, data: bytes) -> Hooks:
+        """Store the values that the objects accept; what is to act on them."""
         values = self.dictionary.values
-        taken = {
-            k: value
-            for k, value in zip(self.keys, self.codec.unpack(data), strict=True)
-            if self._accepts(k, value)
-        }
+        received = zip(self.keys, self.codec.unpack(data), strict=True)
+        if not self._is_guarded:
+            values.update(received)
+            return self._hooks
+        taken = {k: value for k, value in received if self._accepts(k, value)}
         values.update(taken)
         return tuple((k, hook) for k, hook in self._hooks if k in taken)
-
-    def _apply_guarded(self, data: bytes) -> None:
-        values = self.dictionary.values
-        for k, hook in self._store_guarded(data):
-            hook(values[k])  # type: ignore[arg-type]
 
     def _on_deadline(self) -> None:
         if self._segment.now_ns < self._due_ns:  # received meanwhile
             self._timer = self._segment.at(self._due_ns, self._on_deadline)
             return
         self._timer = None  # until the next frame
-        self._engine.on_rpdo_timeout()
+        self._on_timeout()
 
     def _accepts(self, k: int, value: int) -> bool:
-        variable = self.dictionary.variables[k]
-        if variable.min is not None and value < variable.min:
+        try:
+            self.dictionary.check_value(k, value)
+        except SdoAbortedError:
             return False
-        if variable.max is not None and value > variable.max:
-            return False
-        check = self.dictionary.check.get(k)
-        if check is not None:
-            try:
-                check(value)
-            except SdoAbortedError:
-                return False
         return True
 
 
-def _storer(
+def _csp_writer(
     values: dict[int, Value],
     keys: tuple[int, ...],
     unpack: Callable[[bytes], tuple[Any, ...]],
-    hooks: Hooks,
-) -> Callable[[bytes], Hooks]:
-    """Make `store` of an RPDO whose objects accept any value."""
-
-    def store(data: bytes) -> Hooks:
-        values.update(zip(keys, unpack(data), strict=True))
-        return hooks
-
-    return store
-
-
-def _writer(
-    values: dict[int, Value],
-    keys: tuple[int, ...],
-    unpack: Callable[[bytes], tuple[Any, ...]],
-    hooks: Hooks,
+    act: Callable[[int], None],
 ) -> Callable[[bytes], None]:
-    """Make `apply` of such an RPDO; it runs at every SYNC."""
+    """Make `apply` for stagectl-linear-drive-csp.dcf, at every SYNC: controlword, two setpoints."""
+    first, second, third = keys
 
     def write(data: bytes) -> None:
-        values.update(zip(keys, unpack(data), strict=True))
-        for k, hook in hooks:
-            hook(values[k])  # type: ignore[arg-type]
-
-    if len(keys) != 3 or len(hooks) != 1 or hooks[0][0] != keys[0]:
-        return write
-
-    # stagectl-linear-drive-csp.dcf: the controlword acts, two setpoints are stored
-    first, second, third = keys
-    act = hooks[0][1]
-
-    def write_three(data: bytes) -> None:
         word, values[second], values[third] = unpack(data)
         values[first] = word
         act(word)
 
-    return write_three
+    return write

@@ -103,7 +103,6 @@ class BlockDownload:
         send: Callable[[bytes], None],
     ) -> None:
         _, index, sub = _HEAD.unpack_from(request)
-        self.done = False
         self.receiving = True
         self._checked = bool(request[0] & _CRC)
         self._size = int.from_bytes(request[4:8], "little") if request[0] & _SIZED else None
@@ -142,5 +141,4 @@ class BlockDownload:
             high = len(value) > self._size
             raise SdoAbortedError(sdo.ABORT_LENGTH_TOO_HIGH if high else sdo.ABORT_LENGTH_TOO_LOW)
         self._store(value)
-        self.done = True
         self._send(bytes((0xA1, 0, 0, 0, 0, 0, 0, 0)))

@@ -45,10 +45,8 @@ class Tpdo(Pdo):
         """Read the parameters from the dictionary."""
         super().compile()
         live, values = self.dictionary.live, self.dictionary.values
-        self.sample = _sampler(
-            self.codec.pack,
-            [live.get(k) or partial(values.__getitem__, k) for k in self.keys],
-        )
+        readers = [live.get(k) or partial(values.__getitem__, k) for k in self.keys]
+        self.sample = _sampler(self.codec.pack, readers)
         self._sync_count = 0
 
     def start(self) -> None:
