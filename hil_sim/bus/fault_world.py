@@ -124,26 +124,59 @@ class FaultyWorld(World):
         """Set timers for a fault of a node; faults of frames need none."""
         match entry.fault:
             case f.BusOff(controller, at, duration):
-                begin = nanoseconds(at)
-                self.at(begin, lambda: self._begin_bus_off(entry, controller))
-                end = begin + nanoseconds(duration)
+                self._strike_at(entry, at, partial(self._begin_bus_off, controller))
+                end = nanoseconds(at) + nanoseconds(duration)
                 self.at(end, lambda: self._end_bus_off(controller, drives))
             case f.Reboot(node, at):
-                self.at(nanoseconds(at), lambda: self._reboot(entry, node))
+                reset = partial(self._transceivers[node].deliver, 0x000, bytes((_RESET_NODE, node)))
+                self._strike_at(entry, at, reset)
             case f.SafeTorqueOff(node, at, until):
                 drive = drives[node]
-                self.at(nanoseconds(at), lambda: self._set_torque_off(entry, drive))
+                self._strike_at(entry, at, lambda: drive.safe_torque_off(True))
                 if until is not None:
                     self.at(nanoseconds(until), lambda: drive.safe_torque_off(False))
             case f.DriveFault(node, _, at, position) as fault:
-                inject = partial(self._inject, entry, drives[node], fault)
+                inject = partial(self._inject, drives[node], fault)
                 if at is not None:
-                    self.at(nanoseconds(at), inject)
+                    self._strike_at(entry, at, inject)
                 elif position is not None:
-                    _PositionTrigger(self, stage, drives[node], position, inject).check()
+                    self._strike_in_place(entry, position, inject, drives[node], stage)
 
-    def _begin_bus_off(self, entry: InjectedFault, node: int | None) -> None:
-        entry.note(self.now_ns)
+    def _strike_at(self, entry: InjectedFault, at: float, strike: Callable[[], None]) -> None:
+        def act() -> None:
+            entry.note(self.now_ns)
+            strike()
+
+        self.at(nanoseconds(at), act)
+
+    def _strike_in_place(
+        self,
+        entry: InjectedFault,
+        position: float,
+        strike: Callable[[], None],
+        drive: Drive,
+        stage: VirtualStage,
+    ) -> None:
+        """Let a fault strike once, when the drive in a cyclic mode crosses a position [m]."""
+        limit = position / drive.motor.unit
+        before: bool | None = None
+
+        def check() -> None:
+            nonlocal before
+            below = None
+            if drive.motion.following:
+                stage.plant.advance_to(self.now_ns)
+                below = drive.motor.position() < limit
+            if None not in (before, below) and below is not before:
+                entry.note(self.now_ns)
+                strike()
+            else:
+                before = below
+                self.at(self.now_ns + POSITION_CHECK_NS, check)
+
+        check()
+
+    def _begin_bus_off(self, node: int | None) -> None:
         if node is None:
             self._host_off = True
         else:
@@ -156,16 +189,7 @@ class FaultyWorld(World):
             self._transceivers[node].bus_off = False
             drives[node].emergency.announce(BUS_OFF_RECOVERED)
 
-    def _reboot(self, entry: InjectedFault, node: int) -> None:
-        entry.note(self.now_ns)
-        self._transceivers[node].deliver(0x000, bytes((_RESET_NODE, node)))
-
-    def _set_torque_off(self, entry: InjectedFault, drive: Drive) -> None:
-        entry.note(self.now_ns)
-        drive.safe_torque_off(True)
-
-    def _inject(self, entry: InjectedFault, drive: Drive, fault: f.DriveFault) -> None:
-        entry.note(self.now_ns)
+    def _inject(self, drive: Drive, fault: f.DriveFault) -> None:
         until_ns = None if fault.until is None else nanoseconds(fault.until)
         lasting = until_ns is not None and until_ns > self.now_ns
         drive.inject_fault(fault.code, lasting)
@@ -238,35 +262,3 @@ class Transceiver:
             self.deliver(can_id, data)
         else:
             self._line.carry(can_id, data, self._node, partial(self.deliver, can_id))
-
-
-class _PositionTrigger:
-    """Calls `then` once, when a drive in a cyclic mode crosses a position [m]."""
-
-    def __init__(
-        self,
-        world: World,
-        stage: VirtualStage,
-        drive: Drive,
-        position: float,
-        then: Callable[[], None],
-    ) -> None:
-        self._world = world
-        self._stage = stage
-        self._drive = drive
-        self._then = then
-        self._limit = position / drive.motor.unit
-        self._below: bool | None = None
-
-    def check(self) -> None:
-        """Compare now, and again every POSITION_CHECK_NS."""
-        now = self._world.now_ns
-        below = None
-        if self._drive.motion.following:
-            self._stage.plant.advance_to(now)
-            below = self._drive.motor.position() < self._limit
-        before, self._below = self._below, below
-        if before is not None and below is not None and before is not below:
-            self._then()
-        else:
-            self._world.at(now + POSITION_CHECK_NS, self.check)

@@ -120,11 +120,6 @@ class LockstepBus(can.BusABC):
         if get_ident() != self._thread:
             self._raise_refusal()
         queue = self._queue
-        if queue:
-            if self._filters is None:
-                return self._message(queue.popleft())
-        elif timeout == 0 and world.is_quiet():
-            return None
         deadline = None if timeout is None else world.now_ns + max(0, round(timeout * 1e9))
         while True:
             while queue:

@@ -14,12 +14,12 @@ import heapq
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from threading import Event
 
 import can
 
 from hil_sim.bus.connection import Connection
-from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
+from hil_sim.bus.subscriptions import Scheduler
 from hil_sim.stage import VirtualStage
 
 _LONGEST_WAIT = 0.05  # [s], so that `stop` is noticed on a silent bus
@@ -30,35 +30,10 @@ _GAIN, _SLEW = 2e-3, 1_000  # of the phase lock: share of the error, and limit [
 _COMPARE_NS = 50_000_000  # period at which the two clocks are compared
 
 
-class StopSignal(Protocol):
-    """Such as `threading.Event`."""
-
-    def is_set(self) -> bool:
-        """Whether to stop."""
-
-
-_new = object.__new__
-
-
-class _Frame(can.Message):
-    """A data frame that python-can's `virtual` bus copies quickly."""
-
-    __slots__ = ()
-
-    def __deepcopy__(self, memo: dict[int, object] | None) -> can.Message:
-        copied: can.Message = _new(can.Message)  # the constructor takes twice as long
-        copied.timestamp, copied.channel, copied.is_rx = self.timestamp, None, True
-        copied.arbitration_id, copied.dlc, copied.data = self.arbitration_id, self.dlc, self.data[:]
-        copied.is_extended_id = copied.is_remote_frame = copied.is_error_frame = False
-        copied.is_fd = copied.bitrate_switch = copied.error_state_indicator = False
-        return copied
-
-
-class RealTimeSegment:
+class RealTimeSegment(Scheduler):
     """A python-can bus as the drives see it.
 
     Attributes:
-        now_ns: time of the frame or timer being handled [ns], 0 when the segment was made.
         refused: number of frames that the bus did not accept.
         sync_overtaken: the frame being handled is a SYNC, and the next one has arrived already.
         overtaken: number of such SYNCs.
@@ -81,7 +56,7 @@ class RealTimeSegment:
             reopen: see above.
             notify: see above.
         """
-        self.now_ns = 0
+        super().__init__()
         self.refused = self.overtaken = 0
         self._connection = Connection(bus, reopen, notify, clock)
         self._stamped = any(f".{name}" in type(bus).__module__ for name in _STAMPED)
@@ -91,30 +66,12 @@ class RealTimeSegment:
         self._origin = clock()
         self._compare_clocks()
         self._tick_ns, self._gain = tick_ns, 1.0
-        self._timers: list[tuple[int, int, PendingAction]] = []
-        self._timer_count = 0
-        self._handlers = Subscriptions()
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame."""
-        frame = _Frame(arbitration_id=can_id, data=data, is_extended_id=False)
+        frame = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
         if not self._connection.send(frame):
             self.refused += 1
-
-    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
-        """Call `action` at `time_ns`, or as soon as possible after."""
-        timer = PendingAction(action)
-        self._timer_count += 1
-        heapq.heappush(self._timers, (time_ns, self._timer_count, timer))
-        return timer
-
-    def subscribe(self, can_id: int, handler: Handler) -> None:
-        """Call `handler` with the payload of every data frame with this 11-bit id."""
-        self._handlers.subscribe(can_id, handler)
-
-    def unsubscribe(self, can_id: int, handler: Handler) -> None:
-        """Undo `subscribe`."""
-        self._handlers.unsubscribe(can_id, handler)
 
     def close(self) -> None:
         """Close the bus, if it was to be reopened here."""
@@ -193,7 +150,7 @@ class RealTimeSegment:
 def serve(
     stage: VirtualStage,
     bus: can.BusABC,
-    stop: StopSignal,
+    stop: Event,
     reopen: Callable[[], can.BusABC | None] | None = None,
     notify: Callable[[str], object] = lambda _: None,
 ) -> RealTimeSegment:
@@ -202,7 +159,7 @@ def serve(
     Args:
         stage: not attached to a bus yet.
         bus: any python-can bus; this loop is its only reader.
-        stop: a `threading.Event` or similar.
+        stop: ends it.
         reopen: opens the bus again, or returns None while it cannot be opened. With it a failure
             of the bus is waited out, and the bus is closed here at the end.
         notify: called with a line when the bus fails and when it is back.

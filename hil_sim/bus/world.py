@@ -18,7 +18,7 @@ from threading import get_ident
 
 import can
 
-from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
+from hil_sim.bus.subscriptions import Handler, Scheduler
 
 Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 """Time [ns], id, data, (extended id, remote, error), sender (None for a node)."""
@@ -29,7 +29,7 @@ _NOBODY: tuple[Handler, ...] = ()
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 
 
-class World:
+class World(Scheduler):
     """One CAN segment in virtual time.
 
     It belongs to the thread that made it. While referenced (by a bus or a node) it is registered
@@ -38,19 +38,15 @@ class World:
 
     Attributes:
         name: the channel.
-        now_ns: virtual time [ns], from 0.
         is_faultless: hosts may leave several steps to the bus (`LockstepBus.exchange`).
     """
 
     is_faultless = True
 
     def __init__(self, name: str) -> None:
+        super().__init__()
         self.name = name
-        self.now_ns = 0
         self._thread = get_ident()
-        self._timers: list[tuple[int, int, PendingAction]] = []
-        self._timer_count = 0
-        self._handlers = Subscriptions()
         self._frames: deque[Frame] = deque()
         self._queues: tuple[tuple[object, deque[Frame]], ...] = ()
         self._hosts: tuple[Callable[[Frame], None], ...] = ()  # receive the frames of nodes
@@ -67,14 +63,6 @@ class World:
 
     # Nodes -----------------------------------------------------------------------------------
 
-    def subscribe(self, can_id: int, handler: Handler) -> None:
-        """Call `handler` with the payload of every data frame with this 11-bit id."""
-        self._handlers.subscribe(can_id, handler)
-
-    def unsubscribe(self, can_id: int, handler: Handler) -> None:
-        """Undo `subscribe`."""
-        self._handlers.unsubscribe(can_id, handler)
-
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame from a node; one that is subscribed to the id receives it itself."""
         if not self._delivering:
@@ -86,13 +74,6 @@ class World:
         else:  # only for hosts, and no frame is ahead of it
             for hand_to in self._hosts:
                 hand_to(frame)
-
-    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
-        """Call `action` when virtual time reaches `time_ns`, at the next wait if it has passed."""
-        timer = PendingAction(action)
-        self._timer_count += 1  # equal times run in the order of these calls
-        heapq.heappush(self._timers, (max(time_ns, self.now_ns), self._timer_count, timer))
-        return timer
 
     # Hosts -----------------------------------------------------------------------------------
 
@@ -183,19 +164,9 @@ class World:
             self.now_ns = deadline_ns
         return False
 
-    def is_quiet(self) -> bool:
-        """Whether no timer is due now."""
-        timers = self._timers
-        return not timers or timers[0][0] > self.now_ns
-
     def sleep_until_ns(self, time_ns: int) -> None:
         """Let virtual time pass until `time_ns`, running every timer on the way."""
         self.check_thread()
-        timers = self._timers
-        if not timers or timers[0][0] > time_ns:
-            if time_ns > self.now_ns:
-                self.now_ns = time_ns
-            return
         while self.step(time_ns):
             pass
 
