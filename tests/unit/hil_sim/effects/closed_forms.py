@@ -20,12 +20,6 @@ every_step = pytest.mark.parametrize(
 )
 
 
-def travelled(time, force, mass=MASS):
-    """Closed form of a free mass behind the current loop."""
-    early = LAG * (1.0 - np.exp(-time / LAG))
-    return force / mass * (0.5 * time**2 - LAG * (time - early))
-
-
 def integrated(time, acceleration, start=0.0):
     """Position of x'' = acceleration(t, x, v), an independent integration to 1e-10."""
     solution = solve_ivp(

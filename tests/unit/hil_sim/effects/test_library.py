@@ -122,6 +122,8 @@ def test_ranges_are_those_of_the_axis(effects, nominal):
     assert force.ranges(x) == (pytest.approx((40.0, 72.0)),)
     _, center, _ = effects["friction_position"].parameters
     assert center.ranges(x) == (x.travel,)
+    _, speed = effects["low_speed_friction"].parameters
+    assert speed.ranges(replace(x, velocity=3.0)) == ((6e-3, 0.12),)
 
 
 @pytest.mark.parametrize(
@@ -173,18 +175,6 @@ def test_the_example_of_the_docs_is_an_effect(nominal):
     space["CoverDrag"]().at(drag=50.0).apply(ports)
     speed = ports.velocities
     np.testing.assert_allclose(ports.velocity_force, 50.0 * speed * np.abs(speed))
-
-
-def test_values_are_checked(effects):
-    cogging = effects["cogging"]
-    with pytest.raises(ValueError, match="ptch: not a key of cogging; it has amplitude, pitch"):
-        cogging.at(amplitude=1.0, ptch=0.03, phase=0.0)
-    with pytest.raises(ValueError, match="phase: is missing"):
-        cogging.at(amplitude=1.0, pitch=0.03)
-    with pytest.raises(ValueError, match=r"pitch: must be >= 0\.001 m, is 0\.0001"):
-        cogging.at(amplitude=1.0, pitch=1e-4, phase=0.0)
-    with pytest.raises(ValueError, match="amplitude: must be finite, is nan"):
-        cogging.at(amplitude=math.nan, pitch=0.03, phase=0.0)
 
 
 @pytest.fixture

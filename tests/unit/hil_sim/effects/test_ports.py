@@ -129,8 +129,6 @@ def test_mismatched_shapes_and_impossible_effects_are_refused(nominal, with_effe
     stage = with_effects(nominal, effects["cross_coupling"].at(mass=0.3))
     with pytest.raises(ValueError, match="axis x: an effect that involves the other axis"):
         simulate(replace(stage, axes=stage.axes[:1]), zero[:, :1], zero[:, :1], None)
-    with pytest.raises(ValueError, match="substeps must be 1 or at least 5, is 3"):
-        simulate(nominal, zero, zero, None, substeps=3)
     with pytest.raises(ValueError, match=r"level must have shape \(5, 2\)"):
         simulate(nominal, zero, zero, None, level=np.ones((4, 2)))
     wrong = effect_of(lambda ports: ports.add_position_force(np.ones(3)))

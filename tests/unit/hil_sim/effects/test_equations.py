@@ -1,9 +1,10 @@
-"""Every effect at once, against the equations written out plainly, step by step.
+"""Every effect, alone and all at once, against the equations written out step by step.
 
 The other side is docs/reference-stage.md and docs/formats/effects.md in plain Python: no tables, no
 ports, dead time as a queue of substeps, the coupled axes by a linear system at every step.
 """
 
+import functools
 import math
 from dataclasses import replace
 
@@ -211,9 +212,15 @@ def plainly(stage, on, demand, offset):
     return position, force
 
 
+# The coarse step stays below what a recording can show, 50 nm and 70 mN, at every sample.
+both_steps = pytest.mark.parametrize(
+    ("substeps", "position_bound", "force_bound"), [(5, 3e-9, 3e-3), (1, 50e-9, 70e-3)]
+)
+
+
 @pytest.fixture(scope="module")
-def case(nominal, with_effects, effects):
-    """Stage, demand, offset, and what the plain equations make of them."""
+def run(nominal, with_effects, effects):
+    """Both axes with these effects: stage, demand, offset, and what the plain equations make."""
     stage = replace(
         nominal,
         axes=tuple(
@@ -229,23 +236,43 @@ def case(nominal, with_effects, effects):
     )
     offset = np.gradient(np.gradient(demand, 1e-3, axis=0), 1e-3, axis=0) * [8.0, 14.0]
     offset[0] = 0.0
-    on = [VALUES, {"cross_coupling": {"mass": -0.3}, "base_motion": VALUES["base_motion"]}]
-    x, y = (tuple(effects[name].at(**values) for name, values in axis.items()) for axis in on)
-    return with_effects(stage, *x, y=y), demand, offset, plainly(stage, on, demand, offset)
+
+    @functools.cache
+    def make(*names):
+        on = [{name: VALUES[name] for name in names}, {}]
+        if len(names) > 1:
+            on[1] = {"cross_coupling": {"mass": -0.3}, "base_motion": VALUES["base_motion"]}
+        x, y = (tuple(effects[name].at(**values) for name, values in axis.items()) for axis in on)
+        return with_effects(stage, *x, y=y), demand, offset, plainly(stage, on, demand, offset)
+
+    return make
 
 
-# The coarse step stays below what a recording can show, 50 nm and 70 mN, at every sample.
-@pytest.mark.parametrize(
-    ("substeps", "position_bound", "force_bound"), [(5, 3e-9, 3e-3), (1, 50e-9, 70e-3)]
-)
-def test_every_effect_at_once(case, substeps, position_bound, force_bound):
+def assert_near(case, substeps, position_bound, force_bound):
     stage, demand, offset, (position, force) = case
     response = simulate(stage, demand, offset, None, substeps=substeps, rounded=False)
-    assert 25.0 < np.abs(force[:, 0]).max() < 110.0
     off = np.abs(response.position - position).max(axis=0)
     assert (off < position_bound).all(), off
     off = np.abs(response.force - force).max(axis=0)
     assert (off < force_bound).all(), off
+
+
+@both_steps
+def test_every_effect_at_once(run, substeps, position_bound, force_bound):
+    case = run(*VALUES)
+    assert 25.0 < np.abs(case[3][1][:, 0]).max() < 110.0
+    assert_near(case, substeps, position_bound, force_bound)
+
+
+@both_steps
+@pytest.mark.parametrize("name", VALUES)
+def test_one_effect_alone(run, name, substeps, position_bound, force_bound):
+    case = run(name)
+    # above what the other bound forgives, and of the axis that has it
+    shown = np.abs(case[3][1] - run()[3][1]).max(axis=0)
+    assert shown[0] > 20 * 3e-3
+    assert shown[1] < 1e-9
+    assert_near(case, substeps, position_bound, force_bound)
 
 
 def test_every_searched_effect_takes_part(effects):
