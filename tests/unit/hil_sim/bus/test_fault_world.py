@@ -186,17 +186,6 @@ def send(bus: can.BusABC, can_id: int, data: bytes = b"") -> None:
     bus.recv(0)
 
 
-def test_several_handlers_of_an_id_hear_a_frame_once_each(
-    bus: can.BusABC, node: Transceiver
-) -> None:
-    heard: list[tuple[str, bytes]] = []
-    node.subscribe(0x201, lambda data: heard.append(("one", data)))
-    node.subscribe(0x201, lambda data: heard.append(("other", data)))
-    send(bus, 0x201, b"\x07")
-    send(bus, 0x202, b"\x08")
-    assert heard == [("one", b"\x07"), ("other", b"\x07")]
-
-
 def test_after_unsubscribing_and_subscribing_again_a_frame_comes_once(
     bus: can.BusABC, node: Transceiver
 ) -> None:

@@ -41,14 +41,6 @@ def test_they_are_those_of_cia_402(fresh, communication, cob, mapping, objects):
     assert [fresh.read_object(1, mapping, s, "I") for s in range(1, count + 1)] == objects
 
 
-def test_a_controlword_in_rpdo_1_acts_on_reception(operational):
-    states = []
-    for word in (0x06, 0x07, 0x0F):
-        operational.send(0x201, struct.pack("<H", word))
-        states.append(operational.statusword() & 0x6F)
-    assert states == [0x21, 0x23, 0x27]
-
-
 def test_mode_target_and_set_point_by_rpdos_2_and_3(operational, plant):
     operational.write(1, 0x6081, 0, "I", 50_000_000)
     operational.send(0x301, struct.pack("<Hb", 0x00, 1))
@@ -62,15 +54,6 @@ def test_mode_target_and_set_point_by_rpdos_2_and_3(operational, plant):
     assert status & 0x0400
     assert position == 300_000
     assert plant.actual[0] == pytest.approx(2.5e-3 + 300e-6, abs=1e-9)
-
-
-def test_a_velocity_by_rpdo_4(operational):
-    operational.send(0x301, struct.pack("<Hb", 0x00, 3))
-    for word in (0x06, 0x07):
-        operational.send(0x201, struct.pack("<H", word))
-    operational.send(0x501, struct.pack("<Hi", 0x0F, 5_000_000))
-    operational.wait(200)
-    assert operational.read_object(1, 0x6064, 0, "i") > 500_000
 
 
 def test_a_change_of_the_statusword_sends_all_four_tpdos_at_once(operational):

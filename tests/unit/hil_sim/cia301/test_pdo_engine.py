@@ -47,23 +47,6 @@ def enabled(host):
     return host
 
 
-@pytest.mark.parametrize("target_first", [False, True])
-def test_a_setpoint_uses_the_target_of_its_own_sync(enabled, target_first):
-    """Controlword in RPDO 1, target in RPDO 2, as a CiA 402 master maps them."""
-    enabled.write(1, 0x6060, 0, "b", 1)
-    for target in (1_000_000, -500_000, 300_000):
-        frames = [(0x201, struct.pack("<H", 0x3F)), (0x301, struct.pack("<i", target))]
-        for can_id, data in frames[:: -1 if target_first else 1]:
-            enabled.send(can_id, data)
-        enabled.send(0x080)
-        assert enabled.statusword() & 0x1000  # taken
-        enabled.send(0x201, struct.pack("<H", 0x0F))
-        enabled.send(0x080)
-        enabled.wait(500)
-        assert enabled.statusword() & 0x0400  # reached
-        assert enabled.read_object(1, 0x6064, 0, "i") == target
-
-
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_a_command_finds_mode_and_target_of_its_own_sync(host, order):
     """Whichever RPDO carries what: mode pp and its first set-point at once."""
@@ -90,14 +73,6 @@ def test_a_frame_with_the_controlword_first_is_stored_before_it_acts(host, kind)
         host.send(0x080)
     host.wait(500)
     assert host.read_object(1, 0x6064, 0, "i") == 700_000
-
-
-def test_mode_and_target_come_into_force_together_in_csp(enabled, plant):
-    enabled.send(0x301, struct.pack("<i", 5_000))
-    enabled.send(0x401, struct.pack("<b", 8))
-    enabled.send(0x080)
-    assert enabled.read_object(1, 0x6061, 0, "b") == 8
-    assert plant.commands[-1][2] == pytest.approx(2.5e-3 + 5e-6, abs=1e-12)
 
 
 def test_a_refused_value_leaves_those_that_came_with_it(enabled):

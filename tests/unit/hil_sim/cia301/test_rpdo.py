@@ -4,19 +4,6 @@ from __future__ import annotations
 
 import struct
 
-from tests.unit.hil_sim.cia301.mapping import remap
-
-
-def test_an_rpdo_cannot_store_what_sdo_refuses(host):
-    remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
-    host.nmt(1)
-    host.send(0x301, struct.pack("<b", 7))
-    host.send(0x080)
-    assert host.read_object(1, 0x6061, 0, "b") == 0
-    host.send(0x301, struct.pack("<b", 8))
-    host.send(0x080)
-    assert host.read_object(1, 0x6061, 0, "b") == 8
-
 
 def test_last_rpdo_before_the_sync_counts(host):
     host.nmt(1)
@@ -41,17 +28,3 @@ def test_wrong_length_is_announced_once(host):
     host.send(0x080)
     assert struct.unpack_from("<H", host.take(0x081)[0].data) == (0x8220,)
     assert host.read_object(1, 0x607A, 0, "i") == 9
-
-
-def test_an_rpdo_that_is_not_received_again_in_time_is_a_lost_connection(host):
-    host.write(1, 0x1400, 5, "H", 20)  # ms
-    host.enable(0)
-    host.nmt(1)
-    for _ in range(3):
-        host.send(0x201, struct.pack("<Hih", 0x0F, 0, 0))
-        host.send(0x080)
-        host.wait(15)
-    assert host.take(0x081) == []
-    host.wait(10)
-    (emcy,) = host.take(0x081)
-    assert struct.unpack_from("<H", emcy.data) == (0x8250,)

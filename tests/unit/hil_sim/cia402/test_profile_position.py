@@ -191,12 +191,6 @@ def test_force_offset_is_ignored(pp, plant):
     assert {c[3] for c in plant.commands} == {0.0}
 
 
-def test_unsupported_mode_is_refused(pp):
-    with pytest.raises(Exception, match="0x06090030"):
-        pp.write(1, 0x6060, 0, "b", 7)
-    assert pp.read_object(1, 0x6061, 0, "b") == 1
-
-
 def test_changing_to_pp_in_motion_brakes(host, plant):
     host.write(1, 0x6060, 0, "b", 8)
     host.write(1, 0x6084, 0, "I", 1_000_000)

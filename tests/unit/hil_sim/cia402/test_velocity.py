@@ -133,7 +133,3 @@ def test_csv_stops_at_the_soft_limit(csv, plant):
         word, position, _ = cycle(csv, -1_000_000)
     assert position < here + 50_000  # what was asked for beyond the limit is forgotten
     assert word & MODE_BIT_12
-
-
-def test_modes_offered(host):
-    assert host.read_object(1, 0x6502, 0, "I") == sum(1 << m - 1 for m in (1, 3, 6, 8, 9, 10))

@@ -40,14 +40,6 @@ def test_motor_friction_and_disturbance_hold_each_other(nominal, with_effects, e
     assert not arrays.forces[10:].any()  # the other axis
 
 
-def test_more_than_friction_can_hold_leaves_less_motor_force(nominal):
-    arrays = Arrays(nominal, (0.0, 0.0))
-    arrays.balance(0, 100.0, nominal.axes[0])
-    friction = nominal.axes[0].friction
-    static = friction.coulomb * (1.0 + friction.static_ratio)
-    assert arrays.state[0]["motor_force"] == pytest.approx(static)
-
-
 @pytest.mark.parametrize(
     ("name", "values", "level"),
     [

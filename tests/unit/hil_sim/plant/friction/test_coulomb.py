@@ -138,8 +138,3 @@ def test_presliding_stiffness_needs_presliding(coulomb):
             with_effect(coulomb, "presliding_stiffness", ratio=2.0),
             np.zeros((2, 2)), np.zeros((2, 2)), None,
         )  # fmt: skip
-
-
-def test_there_is_no_coarse_step(coulomb):
-    with pytest.raises(ValueError, match=r"^axis x: the friction law coulomb needs at least 5 "):
-        pushed(coulomb, np.zeros(3), substeps=1)

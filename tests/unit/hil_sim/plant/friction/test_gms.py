@@ -86,10 +86,3 @@ def test_slip_ends_when_the_direction_changes():
     force = drive(x)
     assert force[39] == pytest.approx(2.0)
     assert force[-1] == pytest.approx(2.0 - 5e-6 * 1e5)
-
-
-def test_stribeck_curve():
-    assert stribeck(0.0, 0.4, 2e-3, 1.0) == pytest.approx(1.4)
-    assert stribeck(-2e-3, 0.4, 2e-3, 1.0) == pytest.approx(1.0 + 0.4 / math.e)
-    assert stribeck(4e-3, 0.4, 2e-3, 2.0) == pytest.approx(1.0 + 0.4 * math.exp(-4.0))
-    assert element_shares(10).sum() == pytest.approx(1.0)

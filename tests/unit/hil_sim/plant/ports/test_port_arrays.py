@@ -1,10 +1,8 @@
 """Ports as records and arena: offsets, counts, and what is refused."""
 
 import numpy as np
-import pytest
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.ports.port_arrays import build_ports
 from tests.unit.hil_sim.inputs import effect_of
 
 
@@ -39,23 +37,3 @@ def test_lists_are_counted_from_their_offset(nominal, with_effects):
     np.testing.assert_allclose(arrays.arena[begin : begin + 2], [0.3, 1.0 / 60.0])
     begin = int(record["hysteresis"])
     np.testing.assert_allclose(arrays.arena[begin : begin + 3], [1e4, 1.5, 0.0])
-
-
-def test_masses_of_parts_come_out_of_the_carriage(nominal, with_effects, effects):
-    hanging = effects["resonance"].at(frequency=200.0, damping=0.02, mass_ratio=0.25)
-    base = effects["base_motion"].at(frequency=10.0, damping=0.05, mass_ratio=0.1)
-    arrays = Arrays(with_effects(nominal, hanging, base), (0.0, 0.0))
-    record = arrays.plant[0]
-    assert record["mass"] == pytest.approx(6.0)
-    assert record["mobility"] == pytest.approx(1.0 / 6.0 + 1.0 / 80.0)
-    hung = arrays.arena[int(record["hanging"]) :]
-    reduced = 2.0 * 6.0 / 8.0
-    assert hung[0] == pytest.approx(reduced * (2 * np.pi * 200.0) ** 2)
-    assert hung[2] == pytest.approx(2.0)
-
-
-def test_what_cannot_be_names_axis_and_effect(nominal, with_effects, effects):
-    stage = with_effects(nominal, effects["cross_coupling"].at(mass=0.3))
-    alone = type(stage)(stage.sync_period, stage.axes[:1])
-    with pytest.raises(ValueError, match=r"^axis x: an effect that involves the other axis needs"):
-        build_ports(alone, None)
