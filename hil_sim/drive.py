@@ -8,10 +8,17 @@ parameters are volatile.
 
 from __future__ import annotations
 
-from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301 import Dictionary, DriveSdoServer, Emergency, NmtSlave, NmtState, PdoEngine
+from hil_sim.cia301 import (
+    Dictionary,
+    DriveSdoServer,
+    Emergency,
+    NmtSlave,
+    NmtState,
+    PdoEngine,
+    require,
+)
 from hil_sim.cia301 import emergency as emcy
 from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
@@ -120,8 +127,7 @@ class Drive:
 
     def _check_sync(self, value: int) -> None:
         # bit 30: the drive produces no SYNC; bit 31 has no meaning
-        if value & 0x7FFFF800 or not 0x080 <= value & 0x7FF <= 0x57F:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not value & 0x7FFFF800 and 0x080 <= value & 0x7FF <= 0x57F)
 
     def _subscribe(self, state: NmtState) -> None:
         segment = self._segment
@@ -164,10 +170,9 @@ class Drive:
         self.sdo.on_frame(data)
 
     def _check_overflow(self, value: int) -> None:
-        if value == 1 or value > 240:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-        if self.dictionary.integer(o.CYCLE_PERIOD):
-            raise SdoAbortedError(abort.ABORT_APPLICATION_DEVICE_STATE)
+        require(value != 1 and value <= 240)
+        period = self.dictionary.integer(o.CYCLE_PERIOD)
+        require(not period, abort.ABORT_APPLICATION_DEVICE_STATE)
 
     def _on_overflow(self, value: int) -> None:
         """SYNC carries a counter if the value is not 0."""

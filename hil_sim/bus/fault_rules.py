@@ -48,7 +48,6 @@ class FaultyLine:
     def __init__(self, world: World, rules: list[FrameRule]) -> None:
         self._world = world
         self._rules = rules
-        self._matching: dict[tuple[int, int | None], tuple[FrameRule, ...]] = {}
         self._held: list[Callable[[], None]] = []
 
     def carry(self, can_id: int, data: bytes, node: int | None, send: Send) -> None:
@@ -60,16 +59,12 @@ class FaultyLine:
             node: the node that sends or receives it; None: the host, to all nodes.
             send: delivers a payload.
         """
-        rules = self._matching.get((can_id, node))
-        if rules is None:
-            rules = tuple(r for r in self._rules if r.matches(can_id, node))
-            self._matching[can_id, node] = rules
         held, self._held = self._held, []
         frames = [(0, data)]
         hold_ns = 0
         now = self._world.now_ns
-        for rule in rules:
-            if rule.triggers(can_id, data, now):
+        for rule in self._rules:
+            if rule.matches(can_id, node) and rule.triggers(can_id, data, now):
                 if isinstance(rule.fault, f.Reorder):
                     hold_ns = nanoseconds(rule.fault.hold)
                 else:

@@ -4,6 +4,7 @@ from hil_sim.cia301.dictionary import EDS_PATH as EDS_PATH
 from hil_sim.cia301.dictionary import Dictionary as Dictionary
 from hil_sim.cia301.dictionary import Value as Value
 from hil_sim.cia301.dictionary import key as key
+from hil_sim.cia301.dictionary import require as require
 from hil_sim.cia301.emergency import Emergency as Emergency
 from hil_sim.cia301.nmt import NmtSlave as NmtSlave
 from hil_sim.cia301.nmt import NmtState as NmtState

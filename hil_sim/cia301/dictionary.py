@@ -37,6 +37,18 @@ def name(key_: int) -> str:
     return f"0x{key_ >> 8:04X}:{key_ & 0xFF:02X}"
 
 
+def require(condition: object, code: int = abort.ABORT_INVALID_VALUE) -> None:
+    """Refuse an SDO access with this abort code unless the condition holds."""
+    if not condition:
+        raise SdoAbortedError(code)
+
+
+def require_length(length: int, expected: int) -> None:
+    """Refuse a value that is longer or shorter than its object."""
+    require(length <= expected, abort.ABORT_LENGTH_TOO_HIGH)
+    require(length >= expected, abort.ABORT_LENGTH_TOO_LOW)
+
+
 @functools.cache
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
     """The EDS with `$NODEID` resolved; shared, never written."""
@@ -112,8 +124,7 @@ class Dictionary:
             SdoAbortedError: absent, write-only, or refused by the object itself.
         """
         variable = self._find(index, subindex)
-        if check_readable and not variable.readable:
-            raise SdoAbortedError(abort.ABORT_READ_WRITEONLY)
+        require(variable.readable or not check_readable, abort.ABORT_READ_WRITEONLY)
         k = key(index, subindex)
         read = self.live.get(k)
         return bytes(variable.encode_raw(self.values[k] if read is None else read()))
@@ -130,11 +141,7 @@ class Dictionary:
         if check_writable:
             self.check_writable(index, subindex)
         if variable.data_type in NUMBER_TYPES:
-            excess = 8 * len(data) - len(variable)
-            if excess:
-                raise SdoAbortedError(
-                    abort.ABORT_LENGTH_TOO_HIGH if excess > 0 else abort.ABORT_LENGTH_TOO_LOW
-                )
+            require_length(8 * len(data), len(variable))
         value: Any = variable.decode_raw(bytes(data))
         k = key(index, subindex)
         self.check_value(k, value)
@@ -146,18 +153,15 @@ class Dictionary:
     def check_value(self, k: int, value: Any) -> None:
         """Raise `SdoAbortedError` unless the object accepts the value."""
         variable = self.variables[k]
-        if variable.max is not None and value > variable.max:
-            raise SdoAbortedError(abort.ABORT_VALUE_TOO_HIGH)
-        if variable.min is not None and value < variable.min:
-            raise SdoAbortedError(abort.ABORT_VALUE_TOO_LOW)
+        require(variable.max is None or value <= variable.max, abort.ABORT_VALUE_TOO_HIGH)
+        require(variable.min is None or value >= variable.min, abort.ABORT_VALUE_TOO_LOW)
         check = self.check.get(k)
         if check is not None:
             check(value)
 
     def check_writable(self, index: int, subindex: int) -> None:
         """Raise `SdoAbortedError` unless a client may write the object."""
-        if not self._find(index, subindex).writable:
-            raise SdoAbortedError(abort.ABORT_WRITE_READONLY)
+        require(self._find(index, subindex).writable, abort.ABORT_WRITE_READONLY)
 
     def mappable(self, index: int, subindex: int, bits: int, receive: bool) -> ODVariable:
         """The object of a PDO mapping entry.
@@ -167,8 +171,8 @@ class Dictionary:
         """
         variable = self._find(index, subindex)
         direction = variable.writable if receive else variable.readable
-        if not (variable.pdo_mappable and direction and bits == len(variable)):
-            raise SdoAbortedError(abort.ABORT_PDO_CANNOT_MAP)
+        fits = variable.pdo_mappable and direction and bits == len(variable)
+        require(fits, abort.ABORT_PDO_CANNOT_MAP)
         return variable
 
     def _find(self, index: int, subindex: int) -> ODVariable:

@@ -9,10 +9,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia301.dictionary import Dictionary, key, require
 from hil_sim.ports import CanSegment
 
 CONNECTION_ABORTED = 0x8100  # NMT stopped or reset while enabled
@@ -117,14 +116,11 @@ class Emergency:
             self._segment.emit(cob & 0x7FF, _EMCY.pack(code, register))
 
     def _check_clear(self, value: int) -> None:
-        if value:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not value)
 
     def _read_history(self, number: int) -> int:
-        if number > self._dictionary.integer(_HISTORY):
-            raise SdoAbortedError(abort.ABORT_NO_DATA_AVAILABLE)
+        require(number <= self._dictionary.integer(_HISTORY), abort.ABORT_NO_DATA_AVAILABLE)
         return self._dictionary.integer(_HISTORY + number)
 
     def _check_cob(self, value: int) -> None:
-        if value & 0x7FFFF800 or (not value >> 31 and not 0x081 <= value <= 0x57F):
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not value & 0x7FFFF800 and (value >> 31 or 0x081 <= value <= 0x57F))

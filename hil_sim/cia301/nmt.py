@@ -10,10 +10,9 @@ from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
 
-from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia301.dictionary import Dictionary, key, require
 from hil_sim.ports import CanSegment, Timer
 
 BOOT_NS = 20_000_000  # from power-on or reset to the boot-up message
@@ -135,12 +134,11 @@ class NmtSlave:
                 )
 
     def _check_consumer(self, k: int, value: int) -> None:
-        if value >> 24:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not value >> 24)
         node, period_ms = _consumer(value)
         others = (_consumer(self._dictionary.integer(o)) for o in _CONSUMERS if o != k)
-        if period_ms and node and any(n == node and ms for n, ms in others):
-            raise SdoAbortedError(abort.ABORT_PARAMETER_INCOMPATIBLE)
+        doubled = period_ms and node and any(n == node and ms for n, ms in others)
+        require(not doubled, abort.ABORT_PARAMETER_INCOMPATIBLE)
 
 
 class _Consumer:

@@ -11,11 +11,10 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from canopen import SdoAbortedError
 from canopen.objectdictionary import datatypes
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia301.dictionary import Dictionary, key, require
 
 _ENTRIES = range(1, 9)
 _INVALID, _NO_RTR, _EXTENDED = 1 << 31, 1 << 30, 1 << 29
@@ -90,30 +89,24 @@ class Pdo:
     def _check_cob(self, value: int) -> None:
         identifier = value & 0x1FFFFFFF
         changed = value ^ self.dictionary.integer(self.cob_key)
-        if self.exists() and not value & _INVALID and changed & ~_NO_RTR:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-        if value & _EXTENDED or identifier > 0x7FF:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-        if not value & _INVALID and _is_restricted(identifier):
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not self.exists() or value & _INVALID or not changed & ~_NO_RTR)
+        require(not value & _EXTENDED and identifier <= 0x7FF)
+        require(value & _INVALID or not _is_restricted(identifier))
 
     def _check_type(self, value: int) -> None:
-        if value not in _SYNCHRONOUS and value not in EVENT:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(value in _SYNCHRONOUS or value in EVENT)
 
     def _check_entry(self, value: int) -> None:
-        if self.exists() or self.dictionary.integer(key(self.mapping, 0)):
-            raise SdoAbortedError(abort.ABORT_UNSUPPORTED_ACCESS)
+        count = self.dictionary.integer(key(self.mapping, 0))
+        require(not self.exists() and not count, abort.ABORT_UNSUPPORTED_ACCESS)
         if value:
             self._variable(value)
 
     def _check_count(self, value: int) -> None:
-        if self.exists():
-            raise SdoAbortedError(abort.ABORT_UNSUPPORTED_ACCESS)
-        if value > len(_ENTRIES):
-            raise SdoAbortedError(abort.ABORT_PDO_LENGTH_EXCEEDED)
+        require(not self.exists(), abort.ABORT_UNSUPPORTED_ACCESS)
+        require(value <= len(_ENTRIES), abort.ABORT_PDO_LENGTH_EXCEEDED)
         entries = [self.dictionary.integer(key(self.mapping, s)) for s in range(1, value + 1)]
         for entry in entries:
             self._variable(entry)  # an empty entry is an absent object
-        if sum(entry & 0xFF for entry in entries) > 64:
-            raise SdoAbortedError(abort.ABORT_PDO_LENGTH_EXCEEDED)
+        bits = sum(entry & 0xFF for entry in entries)
+        require(bits <= 64, abort.ABORT_PDO_LENGTH_EXCEEDED)

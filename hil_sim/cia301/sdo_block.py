@@ -13,6 +13,8 @@ from collections.abc import Callable
 from canopen import SdoAbortedError
 from canopen.sdo import constants as sdo
 
+from hil_sim.cia301.dictionary import require, require_length
+
 _HEAD = struct.Struct("<BHB")
 _CRC, _SIZED = 0x04, 0x02
 LONGEST_BLOCK = 127
@@ -51,8 +53,7 @@ class BlockUpload:
         elif subcommand == 3 and not self._ending and self._sent == 0:
             self._block()
         elif subcommand == 2 and not self._ending and self._sent:
-            if data[1] > self._sent:
-                raise SdoAbortedError(sdo.ABORT_INVALID_SEQUENCE_NUMBER)
+            require(data[1] <= self._sent, sdo.ABORT_INVALID_SEQUENCE_NUMBER)
             self._acknowledged += data[1]
             self._size = self._block_size(data[2])
             if self._acknowledged == len(self._segments):
@@ -77,8 +78,7 @@ class BlockUpload:
 
     @staticmethod
     def _block_size(size: int) -> int:
-        if not 1 <= size <= LONGEST_BLOCK:
-            raise SdoAbortedError(sdo.ABORT_INVALID_BLOCK_SIZE)
+        require(1 <= size <= LONGEST_BLOCK, sdo.ABORT_INVALID_BLOCK_SIZE)
         return size
 
 
@@ -106,8 +106,7 @@ class BlockDownload:
         self.receiving = True
         self._checked = bool(request[0] & _CRC)
         self._size = int.from_bytes(request[4:8], "little") if request[0] & _SIZED else None
-        if self._size is not None and self._size > longest:
-            raise SdoAbortedError(sdo.ABORT_OUT_OF_MEMORY)
+        require(self._size is None or self._size <= longest, sdo.ABORT_OUT_OF_MEMORY)
         self._longest = longest
         self._data = bytearray()
         self._good = 0
@@ -122,8 +121,7 @@ class BlockDownload:
             self._good = number
             self._data += data[1:]
             self._complete = last
-            if len(self._data) > self._longest + 7:
-                raise SdoAbortedError(sdo.ABORT_OUT_OF_MEMORY)
+            require(len(self._data) <= self._longest + 7, sdo.ABORT_OUT_OF_MEMORY)
         if last or number == LONGEST_BLOCK:
             self._send(bytes((0xA2, self._good, LONGEST_BLOCK, 0, 0, 0, 0, 0)))
             self._good = 0
@@ -131,14 +129,12 @@ class BlockDownload:
 
     def on_end(self, data: bytes) -> None:
         """Check the client's checksum, store the value and acknowledge it."""
-        if data[0] & 0x03 != 1:
-            raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+        require(data[0] & 0x03 == 1, sdo.ABORT_INVALID_COMMAND_SPECIFIER)
         unused = data[0] >> 2 & 0x07
         value = bytes(self._data[: len(self._data) - unused])
-        if self._checked and crc_hqx(value, 0) != struct.unpack_from("<H", data, 1)[0]:
-            raise SdoAbortedError(sdo.ABORT_CRC_ERROR)
-        if self._size is not None and self._size != len(value):
-            high = len(value) > self._size
-            raise SdoAbortedError(sdo.ABORT_LENGTH_TOO_HIGH if high else sdo.ABORT_LENGTH_TOO_LOW)
+        (crc,) = struct.unpack_from("<H", data, 1)
+        require(not self._checked or crc == crc_hqx(value, 0), sdo.ABORT_CRC_ERROR)
+        if self._size is not None:
+            require_length(len(value), self._size)
         self._store(value)
         self._send(bytes((0xA1, 0, 0, 0, 0, 0, 0, 0)))

@@ -11,7 +11,7 @@ from canopen import SdoAbortedError
 from canopen.sdo import constants as sdo
 from canopen.sdo.server import SdoServer
 
-from hil_sim.cia301.dictionary import Dictionary
+from hil_sim.cia301.dictionary import Dictionary, require, require_length
 from hil_sim.cia301.sdo_block import BlockDownload, BlockUpload
 from hil_sim.ports import CanSegment
 
@@ -70,8 +70,8 @@ class DriveSdoServer(SdoServer):
 
     def segmented_upload(self, command: int) -> None:
         """Send one segment."""
-        if self._buffer is None or self._download:
-            raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+        uploading = self._buffer is not None and not self._download
+        require(uploading, sdo.ABORT_INVALID_COMMAND_SPECIFIER)
         super().segmented_upload(command)
         if not self._buffer:
             self._buffer = None
@@ -86,8 +86,7 @@ class DriveSdoServer(SdoServer):
             self._node.check_writable(index, subindex)
             if command & sdo.SIZE_SPECIFIED:
                 self._size = int.from_bytes(request[4:8], "little")
-                if self._size > _MAX_DOWNLOAD:
-                    raise SdoAbortedError(sdo.ABORT_OUT_OF_MEMORY)
+                require(self._size <= _MAX_DOWNLOAD, sdo.ABORT_OUT_OF_MEMORY)
         self._download = True
         super().init_download(request)
 
@@ -98,11 +97,10 @@ class DriveSdoServer(SdoServer):
             raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
         length = len(buffer) + 7 - ((command >> 1) & 0x7)
         size = _MAX_DOWNLOAD if self._size is None else self._size
-        if length > size:
-            raise SdoAbortedError(sdo.ABORT_LENGTH_TOO_HIGH)
+        require(length <= size, sdo.ABORT_LENGTH_TOO_HIGH)
         last = bool(command & sdo.NO_MORE_DATA)
-        if last and self._size is not None and length < self._size:
-            raise SdoAbortedError(sdo.ABORT_LENGTH_TOO_LOW)
+        if last and self._size is not None:
+            require_length(length, self._size)
         super().segmented_download(command, request)
         if last:
             self._buffer = None
@@ -137,8 +135,7 @@ class DriveSdoServer(SdoServer):
         self._buffer = self._block = None
         _, self._index, self._subindex = sdo.SDO_STRUCT.unpack_from(data)
         value = self._node.get_data(self._index, self._subindex, check_readable=True)
-        if not value:
-            raise SdoAbortedError(sdo.ABORT_NO_DATA_AVAILABLE)
+        require(value, sdo.ABORT_NO_DATA_AVAILABLE)
         if len(value) <= data[5]:  # the client's protocol switch threshold
             self.init_upload(data)
         else:

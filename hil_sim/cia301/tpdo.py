@@ -11,10 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from canopen import SdoAbortedError
-from canopen.sdo import constants as abort
-
-from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia301.dictionary import Dictionary, key, require
 from hil_sim.cia301.pdo import EVENT, Pdo
 from hil_sim.ports import CanSegment, Timer
 
@@ -96,8 +93,7 @@ class Tpdo(Pdo):
             self._timer = self._segment.at(now + period_ns, self._send_event)
 
     def _check_inhibit(self, value: int) -> None:
-        if self.exists():
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(not self.exists())
 
 
 def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301 import Dictionary
+from hil_sim.cia301 import Dictionary, require
 from hil_sim.cia402 import objects as o
 
 _SET = 1
@@ -47,5 +46,5 @@ class Brake:
         values[o.OUTPUT_MASK] = self._dictionary.integer(o.OUTPUT_MASK) & ~_SET
 
     def _check(self, value: int) -> None:
-        if value & _SET and self._is_powered():
-            raise SdoAbortedError(abort.ABORT_APPLICATION_DEVICE_STATE)
+        powered = self._is_powered()
+        require(not value & _SET or not powered, abort.ABORT_APPLICATION_DEVICE_STATE)

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from canopen import SdoAbortedError
-from canopen.sdo import constants as abort
-
+from hil_sim.cia301 import require
 from hil_sim.cia402 import objects as o
 from hil_sim.cia402.demand import DemandSource
 from hil_sim.cia402.homing import Homing
@@ -63,8 +61,7 @@ class ModeSelector:
         self.current = self._modes[ModeCode.NONE]
 
     def _check(self, value: int) -> None:
-        if value not in self._modes:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        require(value in self._modes)
 
     def _select(self, value: int) -> None:
         old, new = self.current, self._modes[value]
