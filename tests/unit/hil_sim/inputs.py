@@ -1,5 +1,7 @@
 """What tests of the plant put in: a smooth random demand, an effect written in one line."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hil_sim.effects import Effect
@@ -18,6 +20,24 @@ def effect_of(write):
             write(ports)
 
     return Own().at()
+
+
+def change_axes(stage, friction=None, control=None, **changes):
+    """The stage with these figures of friction, control and settings on every axis."""
+    axes = (
+        replace(
+            axis,
+            friction=replace(axis.friction, **friction or {}),
+            control=replace(axis.control, **control or {}),
+            **changes,
+        )
+        for axis in stage.axes
+    )
+    return replace(stage, axes=tuple(axes))
+
+
+OPEN = {"kp": 1e-9, "ki": 0.0, "kd": 0.0}
+"""Control of a loop that is open: the motor gets the force offset, nothing else."""
 
 
 def smooth_demand(seed, rows=600):

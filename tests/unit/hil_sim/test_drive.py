@@ -24,15 +24,6 @@ def test_bit_31_of_the_sync_cob_id_has_no_meaning(host):
     assert len(host.take(0x181)) == 1
 
 
-def test_a_fault_of_one_node_leaves_the_other_alone(streaming, plant):
-    host = streaming
-    host.enable(8, node=2)
-    plant.blocked[0] = True
-    host.stream([2_000_000] * 20)
-    assert host.statusword(1) & 0x4F == 0x08
-    assert host.statusword(2) & 0x6F == 0x27
-
-
 def test_two_runs_give_the_same_frames(stage_settings, make_host):
     def run() -> list[tuple[int, int, bytes]]:
         world = World("twice")

@@ -8,7 +8,7 @@ import pytest
 from hil_sim.plant import simulate
 from hil_sim.quirks import OddPosition, Quirks
 from hil_sim.settings import StageSettings
-from tests.unit.hil_sim.inputs import smooth_demand
+from tests.unit.hil_sim.inputs import change_axes, smooth_demand
 
 PERMILLE = 0.04
 FORCES = [10, -20, 7, 0, 30, 30, 30, 30]
@@ -68,9 +68,7 @@ def test_a_filtered_position_is_late_by_its_time_constant():
 
 
 def test_the_loop_inside_the_drive_is_not_touched(nominal):
-    odd = replace(
-        nominal, axes=tuple(replace(a, quirks=Quirks(position_delay=2)) for a in nominal.axes)
-    )
+    odd = change_axes(nominal, quirks=Quirks(position_delay=2))
     demand = smooth_demand(1)
     plain, same = (simulate(s, demand, 0.0 * demand, 1) for s in (nominal, odd))
     assert np.array_equal(plain.position, same.position)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from hil_sim.settings import CascadeSettings, StageSettings
+from tests.unit.hil_sim.inputs import change_axes
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
@@ -48,8 +49,7 @@ def test_control_periods_are_one_and_divide_the_sync_period(nominal):
 
 def test_ticks_and_steps_follow_from_the_periods(nominal):
     assert (nominal.ticks, nominal.quick_substeps) == (10, 1)
-    axes = tuple(replace(a, control=replace(a.control, period=5e-4)) for a in nominal.axes)
-    slow = StageSettings(1e-3, axes)
+    slow = change_axes(nominal, control={"period": 5e-4})
     assert (slow.ticks, slow.quick_substeps) == (2, 5)  # a coarse step would miss stick-slip
 
 

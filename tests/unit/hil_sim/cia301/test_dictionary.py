@@ -92,32 +92,6 @@ def test_types_access_and_ranges(dictionary):
             assert v.max is None or v.default <= v.max, where
 
 
-def test_default_mappings_are_legal(dictionary):
-    for base, direction in ((0x1600, "writable"), (0x1A00, "readable")):
-        for n in range(4):
-            record = dictionary[base + n]
-            bits = 0
-            for sub in range(1, record[0].default + 1):
-                entry = record[sub].default
-                mapped = dictionary[entry >> 16]
-                if not isinstance(mapped, ODVariable):
-                    mapped = mapped[entry >> 8 & 0xFF]
-                assert mapped.pdo_mappable
-                assert getattr(mapped, direction)
-                assert len(mapped) == entry & 0xFF
-                bits += entry & 0xFF
-            assert bits <= 64
-
-
-def test_pdo_cob_ids_follow_the_node(dictionary):
-    assert [dictionary[0x1400 + n][1].default & 0x7FF for n in range(4)] == [
-        0x205, 0x305, 0x405, 0x505,
-    ]  # fmt: skip
-    assert [dictionary[0x1800 + n][1].default & 0x7FF for n in range(4)] == [
-        0x185, 0x285, 0x385, 0x485,
-    ]  # fmt: skip
-
-
 def test_file_and_device_information(eds, dictionary):
     info, device = eds["FileInfo"], eds["DeviceInfo"]
     for key in (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-
 import pytest
 
 
@@ -19,14 +17,6 @@ def test_csp_takes_the_pair_over_at_sync_and_interpolates(streaming, plant):
     assert [row[1] for row in rows] == [0, 1000, 3000]
     assert [row[2] for row in rows] == [0, 25, 25]
     assert rows[-1][0] & 0x1000  # follows the command value
-
-
-def test_rpdo_without_sync_does_nothing(streaming, plant):
-    streaming.wait(0.5)
-    plant.commands.clear()
-    streaming.send(0x201, struct.pack("<Hih", 0x0F, 5000, 0))
-    streaming.wait(5)
-    assert plant.commands == []
 
 
 def test_offset_is_cleared_at_enable(host, plant):

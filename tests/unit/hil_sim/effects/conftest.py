@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from tests.unit.hil_sim.effects.closed_forms import SPEED
+from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 F64 = NDArray[np.float64]
 
@@ -19,18 +19,8 @@ F64 = NDArray[np.float64]
 @pytest.fixture(scope="session")
 def free(nominal: StageSettings) -> StageSettings:
     """No friction, no control, encoders of a picometre."""
-    return replace(
-        nominal,
-        axes=tuple(
-            replace(
-                axis,
-                friction=replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-6),
-                control=replace(axis.control, kp=1e-9, ki=0.0, kd=0.0, peak_force=1e3),
-                increment=1e-12,
-            )
-            for axis in nominal.axes
-        ),
-    )
+    bare = {"coulomb": 1e-9, "viscous": 0.0, "stiffness": 1e-6}
+    return change_axes(nominal, bare, {**OPEN, "peak_force": 1e3}, increment=1e-12)
 
 
 @pytest.fixture(scope="session")

@@ -6,12 +6,12 @@ ports, dead time as a queue of substeps, the coupled axes by a linear system at 
 
 import functools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hil_sim.plant import simulate
+from tests.unit.hil_sim.inputs import change_axes
 
 VALUES = {
     "payload_mass": {"mass": 0.5},
@@ -221,13 +221,7 @@ both_steps = pytest.mark.parametrize(
 @pytest.fixture(scope="module")
 def run(nominal, with_effects, effects):
     """Both axes with these effects: stage, demand, offset, and what the plain equations make."""
-    stage = replace(
-        nominal,
-        axes=tuple(
-            replace(a, increment=1e-13, rotary=True, friction=replace(a.friction, elements=3))
-            for a in nominal.axes
-        ),
-    )
+    stage = change_axes(nominal, {"elements": 3}, increment=1e-13, rotary=True)
     # 1 mm there and back within 0.12 s, so that forces bend; then a rest.
     phase = np.clip(1e-3 * np.arange(150) / 0.12, 0.0, 1.0)
     smooth = phase - np.sin(2.0 * np.pi * phase) / (2.0 * np.pi)

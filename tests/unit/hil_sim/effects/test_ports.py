@@ -17,7 +17,7 @@ from tests.unit.hil_sim.effects.closed_forms import (
     integrated,
     motor,
 )
-from tests.unit.hil_sim.inputs import effect_of, smooth_demand
+from tests.unit.hil_sim.inputs import change_axes, effect_of, smooth_demand
 
 
 @both_steps
@@ -64,13 +64,7 @@ def test_misreading_encoder(nominal, with_effects, substeps):
     rows = 800
     speed = 0.1 * np.minimum(np.arange(rows) / 100.0, 1.0)
     demand = np.column_stack([np.cumsum(speed) * 1e-3, np.zeros(rows)])
-    quiet = replace(
-        nominal,
-        axes=tuple(
-            replace(a, friction=replace(a.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-6))
-            for a in nominal.axes
-        ),
-    )
+    quiet = change_axes(nominal, {"coulomb": 1e-9, "viscous": 0.0, "stiffness": 1e-6})
     response = simulate(
         with_effects(quiet, bent), demand, 0.0 * demand, None, substeps=substeps, rounded=False
     )

@@ -1,7 +1,5 @@
 """The kernel of the mechanics against the same steps written out in numpy."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,6 +7,7 @@ from hil_sim.plant import simulate
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.stepped import Plant
 from hil_sim.settings import SUBSTEPS
+from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 TC, TS = 1e-4, 1e-3
 MASS, VISCOUS, BANDWIDTH = 8.0, 20.0, 1500.0
@@ -17,16 +16,7 @@ MASS, VISCOUS, BANDWIDTH = 8.0, 20.0, 1500.0
 @pytest.fixture
 def open_loop(nominal):
     """No presliding to speak of, no control: the motor gets the force offset."""
-    axes = [
-        replace(
-            axis,
-            friction=replace(axis.friction, coulomb=1e-12, stiffness=1e-9),
-            control=replace(axis.control, kp=1e-12, ki=0.0, kd=0.0),
-            increment=1e-13,
-        )
-        for axis in nominal.axes
-    ]
-    return replace(nominal, axes=tuple(axes))
+    return change_axes(nominal, {"coulomb": 1e-12, "stiffness": 1e-9}, OPEN, increment=1e-13)
 
 
 def semi_implicit(offset):

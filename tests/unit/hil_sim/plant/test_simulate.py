@@ -11,23 +11,10 @@ import pytest
 
 from hil_sim.plant import simulate
 from hil_sim.plant.simulate import simulate_variants
-from hil_sim.settings import StageSettings
 from tests.unit.hil_sim.effects.closed_forms import both_steps
-from tests.unit.hil_sim.inputs import effect_of, smooth_demand
+from tests.unit.hil_sim.inputs import change_axes, effect_of, smooth_demand
 
 DATA = Path(__file__).parents[3] / "data"
-
-
-def frictionless(nominal: StageSettings) -> StageSettings:
-    axes = []
-    for axis in nominal.axes:
-        friction = replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-3)
-        axes.append(replace(axis, friction=friction, noise=0.0, wander=0.0))
-    return replace(nominal, axes=tuple(axes))
-
-
-def step_response(nominal, demand, offset):
-    return simulate(nominal, np.column_stack([demand] * 2), np.column_stack([offset] * 2), None)
 
 
 def test_force_is_reported_in_thousandths_of_the_rated_force(nominal):
@@ -40,7 +27,9 @@ def test_force_is_reported_in_thousandths_of_the_rated_force(nominal):
 def test_output_is_clamped_and_the_integrator_waits(nominal):
     k = np.arange(300)
     demand = np.where((k > 10) & (k < 60), 5e-3, 0.0)
-    response = step_response(frictionless(nominal), demand, 0.0 * k)
+    bare = change_axes(nominal, {"coulomb": 1e-9, "viscous": 0.0, "stiffness": 1e-3})
+    both = np.column_stack([demand] * 2)
+    response = simulate(bare, both, 0.0 * both, None)
     assert np.abs(response.force[:, 0]).max() <= 120.0 + 1e-9
     assert abs(response.position[-1, 0]) < 2e-5  # it comes back: nothing was wound up for long
 

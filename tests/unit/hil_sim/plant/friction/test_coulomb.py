@@ -8,7 +8,7 @@ import pytest
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
-from stagectl.config import load_machine, stage_settings
+from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 EFFECTS = own_effects()
 FRICTION_EFFECTS = sorted(
@@ -18,32 +18,15 @@ MASS, COULOMB, STATIC = 8.0, 6.0, 1.4 * 6.0
 
 
 @pytest.fixture(scope="module")
-def gms() -> StageSettings:
-    return stage_settings(load_machine())
-
-
-@pytest.fixture(scope="module")
-def coulomb(gms: StageSettings) -> StageSettings:
-    figures = {"elements": 0, "stiffness": 0.0, "relaxation_rate": 0.0}
-    axes = [
-        replace(a, friction=replace(a.friction, **figures, law="coulomb"), increment=1e-13)
-        for a in gms.axes
-    ]
-    return replace(gms, axes=tuple(axes))
+def coulomb(nominal: StageSettings) -> StageSettings:
+    figures = {"elements": 0, "stiffness": 0.0, "relaxation_rate": 0.0, "law": "coulomb"}
+    return change_axes(nominal, figures, increment=1e-13)
 
 
 @pytest.fixture(scope="module")
 def loose(coulomb: StageSettings) -> StageSettings:
     """Open loops, no viscous friction: the motor gets the force offset, nothing else."""
-    axes = [
-        replace(
-            a,
-            control=replace(a.control, kp=1e-9, ki=0.0, kd=0.0),
-            friction=replace(a.friction, viscous=0.0),
-        )
-        for a in coulomb.axes
-    ]
-    return replace(coulomb, axes=tuple(axes))
+    return change_axes(coulomb, {"viscous": 0.0}, OPEN)
 
 
 def pushed(stage: StageSettings, force: np.ndarray, substeps: int = 20) -> np.ndarray:
@@ -120,15 +103,15 @@ def steady_force(stage: StageSettings) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", FRICTION_EFFECTS)
-def test_friction_effects_act_under_both_laws(gms, coulomb, name):
+def test_friction_effects_act_under_both_laws(nominal, coulomb, name):
     """Where all elements slide, the laws are one."""
     values = {
-        p.key: 0.02 if p.role == "place" else p.ranges(gms.axes[0])[-1][1]
+        p.key: 0.02 if p.role == "place" else p.ranges(nominal.axes[0])[-1][1]
         for p in EFFECTS[name].parameters
     }
     plain = steady_force(coulomb)
     changed = steady_force(with_effect(coulomb, name, **values)) - plain
-    expected = steady_force(with_effect(gms, name, **values)) - steady_force(gms)
+    expected = steady_force(with_effect(nominal, name, **values)) - steady_force(nominal)
     assert np.sqrt(np.mean(np.square(changed - expected))) < 0.1 + 0.1 * np.abs(expected).max()
 
 
