@@ -181,8 +181,6 @@ class MotionControl:
 
     def _react_to_fault(self, coast: bool = False) -> None:
         """Transitions 13 and 14: stop by 0x605E or `coast`, then force off and FAULT."""
-        if self.state in (State.FAULT_REACTION, State.FAULT):
-            return
         option = self._dictionary.integer(o.FAULT_OPTION)
         if self.state not in _POWERED or option == 0 or coast:
             self._power_off(State.FAULT)

@@ -145,13 +145,7 @@ class ProfilePosition(Mode):
         if way * (active.target - here) <= 0:
             return
         self._passing = 1 if way > 0 else -1
-        generator.move(
-            self.context.motor.to_true(waiting.target),
-            active.speed,
-            active.acceleration,
-            waiting.deceleration,
-            active.jerk,
-        )
+        self._move(waiting.target, active, waiting.deceleration)
 
     def _has_passed_target(self) -> bool:
         here = self.context.motor.to_drive(self.context.generator.position)
@@ -164,10 +158,9 @@ class ProfilePosition(Mode):
         self._inside_ns = None
         bits = self.bits & ~(TARGET_REACHED | INTERNAL_LIMIT)
         self.set_bits(bits | INTERNAL_LIMIT if setpoint.clipped else bits)
-        self.context.generator.move(
-            self.context.motor.to_true(setpoint.target),
-            setpoint.speed,
-            setpoint.acceleration,
-            setpoint.deceleration,
-            setpoint.jerk,
-        )
+        self._move(setpoint.target, setpoint, setpoint.deceleration)
+
+    def _move(self, target: int, profile: Setpoint, deceleration: float) -> None:
+        to, speed = self.context.motor.to_true(target), profile.speed
+        generator = self.context.generator
+        generator.move(to, speed, profile.acceleration, deceleration, profile.jerk)

@@ -29,5 +29,4 @@ class CyclicTorque(CyclicPosition):
         force = min(max(wanted, -self._force_limit), self._force_limit)
         self.context.motor.command_force(force)
         bits = MODE_BIT_12 if force == wanted else INTERNAL_LIMIT
-        if bits != self.bits:
-            self.set_bits(bits)
+        self.set_bits(bits)

@@ -113,5 +113,4 @@ class CyclicVelocity(CyclicPosition):
         force = min(max(force, -self._force_limit), self._force_limit)
         self._before, self._last = self._last, target
         self._command(target, force, self._ticks)
-        if bits != self.bits:
-            self.set_bits(bits)
+        self.set_bits(bits)

@@ -298,10 +298,8 @@ def _fits(values: F64, nodes: F64) -> F64:
 
 
 def _sum(table: F64 | None, values: F64, nodes: F64) -> F64:
-    values = _fits(values, nodes)
-    return values.copy() if table is None else table + values
+    return (0.0 if table is None else table) + _fits(values, nodes)
 
 
 def _product(table: F64 | None, values: F64, nodes: F64) -> F64:
-    values = _fits(values, nodes)
-    return values.copy() if table is None else table * values
+    return (1.0 if table is None else table) * _fits(values, nodes)
