@@ -85,6 +85,10 @@ class PdoEngine:
         if not getattr(self._segment, "sync_overtaken", False):
             for tpdo in self._sync_tpdos:
                 tpdo.on_sync()
+        self.latch()
+
+    def latch(self) -> None:
+        """Act on the synchronous RPDOs received since the last SYNC."""
         hooks: Hooks = ()
         for rpdo in self._sync_rpdos:
             if rpdo.pending is not None:
