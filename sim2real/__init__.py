@@ -17,19 +17,3 @@ The rooms, each importing only from those above it:
 - `diagnosis`: all of it in order, up to the verdict
 - `blind`: the diagnosis checked on sealed stages
 """
-
-__all__ = [
-    "attribution",
-    "audit",
-    "blind",
-    "diagnosis",
-    "experiment",
-    "findings",
-    "fitting",
-    "free_loop",
-    "gap",
-    "held_out",
-    "phases",
-    "residuals",
-    "tracking",
-]

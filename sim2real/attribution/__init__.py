@@ -9,28 +9,18 @@ hands it to the free loop; `causes` puts probabilities and sigmas to what remain
 for all of this is in `sim2real.scoring.constants`.
 """
 
-from sim2real.attribution.alternatives import of_size
-from sim2real.attribution.axis_search import AxisResult, AxisSearch, drop_invisible, measure_closed
-from sim2real.attribution.causes import find_causes, list_candidates
-from sim2real.attribution.free_form import FreeFormTest, FrictionOverPosition
-from sim2real.attribution.search import search_effects
-from sim2real.attribution.shape_check import fit_repeats, free_form_repeat, is_one_profile
-from sim2real.attribution.similarity import Pairs, signature_similarity
-
-__all__ = [
-    "AxisResult",
-    "AxisSearch",
-    "FreeFormTest",
-    "FrictionOverPosition",
-    "Pairs",
-    "drop_invisible",
-    "find_causes",
-    "fit_repeats",
-    "free_form_repeat",
-    "is_one_profile",
-    "list_candidates",
-    "measure_closed",
-    "of_size",
-    "search_effects",
-    "signature_similarity",
-]
+from sim2real.attribution.alternatives import of_size as of_size
+from sim2real.attribution.axis_search import AxisResult as AxisResult
+from sim2real.attribution.axis_search import AxisSearch as AxisSearch
+from sim2real.attribution.axis_search import drop_invisible as drop_invisible
+from sim2real.attribution.axis_search import measure_closed as measure_closed
+from sim2real.attribution.causes import find_causes as find_causes
+from sim2real.attribution.causes import list_candidates as list_candidates
+from sim2real.attribution.free_form import FreeFormTest as FreeFormTest
+from sim2real.attribution.free_form import FrictionOverPosition as FrictionOverPosition
+from sim2real.attribution.search import search_effects as search_effects
+from sim2real.attribution.shape_check import fit_repeats as fit_repeats
+from sim2real.attribution.shape_check import free_form_repeat as free_form_repeat
+from sim2real.attribution.shape_check import is_one_profile as is_one_profile
+from sim2real.attribution.similarity import Pairs as Pairs
+from sim2real.attribution.similarity import signature_similarity as signature_similarity

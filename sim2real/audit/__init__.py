@@ -6,18 +6,11 @@ recomputes the force that the drive must have commanded, `law_hypotheses` finds 
 error that explains the difference, and `corrections` removes it from the recording.
 """
 
-from sim2real.audit.channels import UNCORRECTABLE, audit_channels, delay_finding, mark_applied
-from sim2real.audit.corrections import remove_delay
-from sim2real.audit.sample_repair import repair_samples
-from sim2real.audit.signal_checks import check_quantisation, check_time
-
-__all__ = [
-    "UNCORRECTABLE",
-    "audit_channels",
-    "check_quantisation",
-    "check_time",
-    "delay_finding",
-    "mark_applied",
-    "remove_delay",
-    "repair_samples",
-]
+from sim2real.audit.channels import UNCORRECTABLE as UNCORRECTABLE
+from sim2real.audit.channels import audit_channels as audit_channels
+from sim2real.audit.channels import delay_finding as delay_finding
+from sim2real.audit.channels import mark_applied as mark_applied
+from sim2real.audit.corrections import remove_delay as remove_delay
+from sim2real.audit.sample_repair import repair_samples as repair_samples
+from sim2real.audit.signal_checks import check_quantisation as check_quantisation
+from sim2real.audit.signal_checks import check_time as check_time

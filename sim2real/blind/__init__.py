@@ -6,22 +6,14 @@ commits to the answer, `trial` runs one diagnosis, `outcome` keeps what it said,
 `page` writes docs/blind.md.
 """
 
-from sim2real.blind.draw import find_pool
-from sim2real.blind.outcome import Outcome
-from sim2real.blind.page import describe_reported, describe_truth, table_rows, write_page
-from sim2real.blind.score import is_wrong, score_outcomes
-from sim2real.blind.trial import Setup, draw_trial, run_trial
-
-__all__ = [
-    "Outcome",
-    "Setup",
-    "describe_reported",
-    "describe_truth",
-    "draw_trial",
-    "find_pool",
-    "is_wrong",
-    "run_trial",
-    "score_outcomes",
-    "table_rows",
-    "write_page",
-]
+from sim2real.blind.draw import find_pool as find_pool
+from sim2real.blind.outcome import Outcome as Outcome
+from sim2real.blind.page import describe_reported as describe_reported
+from sim2real.blind.page import describe_truth as describe_truth
+from sim2real.blind.page import table_rows as table_rows
+from sim2real.blind.page import write_page as write_page
+from sim2real.blind.score import is_wrong as is_wrong
+from sim2real.blind.score import score_outcomes as score_outcomes
+from sim2real.blind.trial import Setup as Setup
+from sim2real.blind.trial import draw_trial as draw_trial
+from sim2real.blind.trial import run_trial as run_trial

@@ -6,20 +6,12 @@ controller, `open_loop` does both along the measured motion. `other_recordings` 
 result on recordings that took no part, and `clock` says when each recording began.
 """
 
-from sim2real.diagnosis.clock import continue_clock
-from sim2real.diagnosis.examination import PHASES, Examination, Progress, examine
-from sim2real.diagnosis.other_recordings import examine_others, judge_elsewhere
-from sim2real.diagnosis.procedure import diagnose
-from sim2real.diagnosis.verdict import Diagnosis
-
-__all__ = [
-    "PHASES",
-    "Diagnosis",
-    "Examination",
-    "Progress",
-    "continue_clock",
-    "diagnose",
-    "examine",
-    "examine_others",
-    "judge_elsewhere",
-]
+from sim2real.diagnosis.clock import continue_clock as continue_clock
+from sim2real.diagnosis.examination import PHASES as PHASES
+from sim2real.diagnosis.examination import Examination as Examination
+from sim2real.diagnosis.examination import Progress as Progress
+from sim2real.diagnosis.examination import examine as examine
+from sim2real.diagnosis.other_recordings import examine_others as examine_others
+from sim2real.diagnosis.other_recordings import judge_elsewhere as judge_elsewhere
+from sim2real.diagnosis.procedure import diagnose as diagnose
+from sim2real.diagnosis.verdict import Diagnosis as Diagnosis

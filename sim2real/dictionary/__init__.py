@@ -4,16 +4,11 @@
 says what models are fitted to: tracked innovations or the free loop.
 """
 
-from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised, shift_only_place
-from sim2real.dictionary.nodes import FIRST_ORDER, Values, effect_nodes, typical
-
-__all__ = [
-    "FIRST_ORDER",
-    "Candidate",
-    "Dictionary",
-    "Linearised",
-    "Values",
-    "effect_nodes",
-    "shift_only_place",
-    "typical",
-]
+from sim2real.dictionary.candidates import Candidate as Candidate
+from sim2real.dictionary.candidates import Dictionary as Dictionary
+from sim2real.dictionary.candidates import Linearised as Linearised
+from sim2real.dictionary.candidates import shift_only_place as shift_only_place
+from sim2real.dictionary.nodes import FIRST_ORDER as FIRST_ORDER
+from sim2real.dictionary.nodes import Values as Values
+from sim2real.dictionary.nodes import effect_nodes as effect_nodes
+from sim2real.dictionary.nodes import typical as typical

@@ -4,8 +4,6 @@
 move. `excitation` needs no recording: moves that excite whatever effects act on.
 """
 
-from sim2real.experiment.excitation import excite_axes
-from sim2real.experiment.proposal import propose_experiment
-from sim2real.experiment.strokes import stroke
-
-__all__ = ["excite_axes", "propose_experiment", "stroke"]
+from sim2real.experiment.excitation import excite_axes as excite_axes
+from sim2real.experiment.proposal import propose_experiment as propose_experiment
+from sim2real.experiment.strokes import stroke as stroke

@@ -6,8 +6,9 @@ the recording. Where a model is incomplete, values that fit one-step innovations
 where to start each effect, and `search` selects up to six, judged on held-out moves.
 """
 
-from sim2real.free_loop.fit import FreeFit, move_covariance
-from sim2real.free_loop.loop import FreeLoop
-from sim2real.free_loop.search import FreeSearch, fit_figures, search_free
-
-__all__ = ["FreeFit", "FreeLoop", "FreeSearch", "fit_figures", "move_covariance", "search_free"]
+from sim2real.free_loop.fit import FreeFit as FreeFit
+from sim2real.free_loop.fit import move_covariance as move_covariance
+from sim2real.free_loop.loop import FreeLoop as FreeLoop
+from sim2real.free_loop.search import FreeSearch as FreeSearch
+from sim2real.free_loop.search import fit_figures as fit_figures
+from sim2real.free_loop.search import search_free as search_free

@@ -11,20 +11,12 @@ Positions are not predicted, and what lies between controller and reported force
 loop) does not show.
 """
 
-from sim2real.open_loop.empirical import describe_residual
-from sim2real.open_loop.figures import FIGURES, fit_figures
-from sim2real.open_loop.lateness import find_delay, has_lost_sign
-from sim2real.open_loop.loop import MotionLoop, compare_along
-from sim2real.open_loop.motion import Motion, measure_motion
-
-__all__ = [
-    "FIGURES",
-    "Motion",
-    "MotionLoop",
-    "compare_along",
-    "describe_residual",
-    "find_delay",
-    "fit_figures",
-    "has_lost_sign",
-    "measure_motion",
-]
+from sim2real.open_loop.empirical import describe_residual as describe_residual
+from sim2real.open_loop.figures import FIGURES as FIGURES
+from sim2real.open_loop.figures import fit_figures as fit_figures
+from sim2real.open_loop.lateness import find_delay as find_delay
+from sim2real.open_loop.lateness import has_lost_sign as has_lost_sign
+from sim2real.open_loop.loop import MotionLoop as MotionLoop
+from sim2real.open_loop.loop import compare_along as compare_along
+from sim2real.open_loop.motion import Motion as Motion
+from sim2real.open_loop.motion import measure_motion as measure_motion

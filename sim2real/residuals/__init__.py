@@ -4,16 +4,9 @@
 `reversal` and `response` each reduce them to the few numbers of one picture. Nothing is fitted.
 """
 
-from sim2real.residuals.response import FrequencyResponse
-from sim2real.residuals.reversal import ReversalLoop
-from sim2real.residuals.velocity import VelocityMeans
-from sim2real.residuals.views import ResidualViews, residuals_json, view_residuals
-
-__all__ = [
-    "FrequencyResponse",
-    "ResidualViews",
-    "ReversalLoop",
-    "VelocityMeans",
-    "residuals_json",
-    "view_residuals",
-]
+from sim2real.residuals.response import FrequencyResponse as FrequencyResponse
+from sim2real.residuals.reversal import ReversalLoop as ReversalLoop
+from sim2real.residuals.velocity import VelocityMeans as VelocityMeans
+from sim2real.residuals.views import ResidualViews as ResidualViews
+from sim2real.residuals.views import residuals_json as residuals_json
+from sim2real.residuals.views import view_residuals as view_residuals

@@ -5,7 +5,5 @@ save, `odds` weighs the sets that were fitted. `constants` holds every figure th
 selection, names and sigmas.
 """
 
-from sim2real.scoring.odds import weigh_effect
-from sim2real.scoring.penalty import effects_penalty
-
-__all__ = ["effects_penalty", "weigh_effect"]
+from sim2real.scoring.odds import weigh_effect as weigh_effect
+from sim2real.scoring.penalty import effects_penalty as effects_penalty

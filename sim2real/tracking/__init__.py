@@ -4,14 +4,9 @@
 the linearised error model that its covariance and gains come from.
 """
 
-from sim2real.tracking.error_states import Gains, innovation_response
-from sim2real.tracking.tracker import Track, Tracker, needs_other_axes, require_presliding
-
-__all__ = [
-    "Gains",
-    "Track",
-    "Tracker",
-    "innovation_response",
-    "needs_other_axes",
-    "require_presliding",
-]
+from sim2real.tracking.error_states import Gains as Gains
+from sim2real.tracking.error_states import innovation_response as innovation_response
+from sim2real.tracking.tracker import Track as Track
+from sim2real.tracking.tracker import Tracker as Tracker
+from sim2real.tracking.tracker import needs_other_axes as needs_other_axes
+from sim2real.tracking.tracker import require_presliding as require_presliding
