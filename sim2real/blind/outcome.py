@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-import numpy as np
+from pydantic import BeforeValidator, Field, TypeAdapter
 
 from sim2real.blind.draw import Drawn
+from sim2real.findings import Number
+
+Figure = Annotated[Number, BeforeValidator(lambda value: math.nan if value is None else value)]
+"""Null in JSON where it is not finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +27,9 @@ class ReportedCause:
 
     axis: str
     effect: str
-    probability: float
-    gap_closed: float | None
-    parameters: Mapping[str, tuple[float, float]]
-
-
-_KEYS = {"reported": "told"}
-"""Fields whose key in the JSON differs from their name."""
+    probability: Figure
+    gap_closed: Number | None
+    parameters: Mapping[str, tuple[Figure, Figure]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,14 +60,14 @@ class Outcome:
     kind: str
     truth: tuple[Drawn, ...]
     verdict: str
-    reported: tuple[ReportedCause, ...]
+    reported: Annotated[tuple[ReportedCause, ...], Field(alias="told")]
     confusable: tuple[tuple[str, tuple[str, ...]], ...]
-    sigmas: Mapping[str, float]
-    gap: float
-    promised: float | None
-    second: float | None
+    sigmas: Mapping[str, Figure]
+    gap: Figure
+    promised: Number | None
+    second: Number | None
     seconds: float
-    processor: float
+    processor: Annotated[Figure, Field(default=math.nan)]
     key: str
     nonce: str
     digest: str
@@ -75,42 +75,17 @@ class Outcome:
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; figures that are not finite are null."""
-        plain: dict[str, Any] = _plain(asdict(self))
-        return {_KEYS.get(name, name): value for name, value in plain.items()}
+        values: dict[str, Any] = _ADAPTER.dump_python(self, mode="json", by_alias=True)
+        return values
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Outcome:
-        """The outcome of `to_json`; unknown keys are ignored."""
-        names = {_KEYS.get(name, name): name for name in cls.__dataclass_fields__}
-        known = {name: values[key] for key, name in names.items() if key in values}
-        known["truth"] = tuple(Drawn(**drawn) for drawn in values["truth"])
-        known["reported"] = tuple(
-            ReportedCause(
-                **{
-                    **cause,
-                    "parameters": {
-                        key: (_number(value), _number(sigma))
-                        for key, (value, sigma) in cause["parameters"].items()
-                    },
-                }
-            )
-            for cause in values["told"]
-        )
-        known["processor"] = _number(values.get("processor"))
-        known["confusable"] = tuple((axis, tuple(names)) for axis, names in values["confusable"])
-        known["sigmas"] = {key: _number(value) for key, value in values["sigmas"].items()}
-        return cls(**known)
+        """The outcome of `to_json`; unknown keys are ignored.
+
+        Raises:
+            ValueError: these are the values of none.
+        """
+        return _ADAPTER.validate_python(dict(values))
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
+_ADAPTER = TypeAdapter(Outcome)
