@@ -20,6 +20,7 @@ from dataclasses import replace
 from functools import partial
 
 from hil_sim.effects import Effect
+from hil_sim.plant import needs_all_axes
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
     AxisSearch,
@@ -39,7 +40,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.scoring.constants import REPEATED
-from sim2real.tracking import Tracker, needs_other_axes
+from sim2real.tracking import Tracker
 
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
@@ -246,7 +247,7 @@ def _refit_coupled(
     for axis in settings.axes:
         elsewhere = any(model.terms for name, model in models.items() if name != axis.name)
         own = models[axis.name].settings(axis)
-        if elsewhere and needs_other_axes(own, settings.sync_period):
+        if elsewhere and needs_all_axes(replace(settings, axes=(own,))):
             beside = compose_stage(settings, models).axes
             refitted[axis.name] = searches[axis.name].refitted_beside(beside)
     return refitted

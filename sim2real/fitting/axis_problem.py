@@ -154,25 +154,15 @@ class AxisProblem:
         """
         return self.workers.spread(self._side_by_side, models, _SIDE_BY_SIDE)
 
-    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64]:
         self.workers.check()
-        settings: dict[int, AxisSettings] = {}
-        for i, model in enumerate(models):
-            try:
-                settings[i] = model.settings(self.axis)
-            except ValueError:
-                continue
-        stage_substeps = [models[i].substeps for i in settings]
+        settings = [model.settings(self.axis) for model in models]
+        stage_substeps = [model.substeps for model in models]
         runs = [
-            tracker.variants(list(settings.values()), gains, stage_substeps)
+            tracker.variants(settings, gains, stage_substeps)
             for tracker, gains in zip(self.trackers, self.gains, strict=True)
         ]
-        found: list[F64 | None] = [None] * len(models)
-        for i, tracks in zip(settings, zip(*runs, strict=True), strict=True):
-            possible = [track for track in tracks if track is not None]
-            if len(possible) == len(tracks):
-                found[i] = self.weighted(possible)
-        return found
+        return [self.weighted(tracks) for tracks in zip(*runs, strict=True)]
 
     def residuals_or_worst(self, models: Sequence[AxisModel]) -> list[F64]:
         """As `residuals`; the largest ones where physics does not allow a model."""

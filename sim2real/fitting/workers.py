@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from types import TracebackType
 from typing import TypeVar
@@ -56,11 +57,12 @@ class Workers:
         function: Callable[[Sequence[Item]], Sequence[Result]],
         items: Sequence[Item],
         most: int,
-    ) -> list[Result]:
+    ) -> list[Result | None]:
         """Apply a function to several items at a time, in as many parts as there are threads.
 
         Args:
-            function: gives a result for each of the items it is given.
+            function: gives a result for each of the items it is given; ValueError if it cannot for
+                one of them, whose result then is None.
             items: divided into equal parts of at most `most`.
             most: items at a time.
 
@@ -70,7 +72,8 @@ class Workers:
         count = max(-(-len(items) // most), min(self._idle(), len(items)))
         edges = [len(items) * part // count for part in range(count + 1)] if items else [0]
         parts = [items[first:last] for first, last in pairwise(edges)]
-        return [result for part in self.map(function, parts) for result in part]
+        done = self.map(partial(_apply, function), parts)
+        return [result for part in done for result in part]
 
     def _idle(self) -> int:
         """Threads that a map called from here can use."""
@@ -99,3 +102,16 @@ class Workers:
         except (RuntimeError, CancelledError):  # also of a pool that was shut down meanwhile
             self.check()
             raise
+
+
+def _apply(
+    function: Callable[[Sequence[Item]], Sequence[Result]], items: Sequence[Item]
+) -> list[Result | None]:
+    """The results of some items; where one has none, of either half by itself."""
+    try:
+        return [*function(items)]
+    except ValueError:
+        half = len(items) // 2
+        if not half:
+            return [None]
+        return [*_apply(function, items[:half]), *_apply(function, items[half:])]

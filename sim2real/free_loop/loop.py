@@ -126,29 +126,23 @@ class FreeLoop:
             raise ValueError(f"axis {self.name}: these values are not physical")
         return found
 
-    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64]:
         self.workers.check()
-        found: list[F64 | None] = [None] * len(models)
-        together: dict[int, AxisSettings] = {}
-        for i, model in enumerate(models):
-            try:
-                axis = model.settings(self.axis)
-                if needs_all_axes(StageSettings(self.settings.sync_period, (axis,))):
-                    found[i] = self._jointly(axis)
-                else:
-                    together[i] = axis
-            except ValueError:
-                continue
-        try:
-            each = [
-                self._simulated(number, list(together.values()))
-                for number in range(len(self.measured))
-            ]
-        except ValueError:  # of one of them: run alone, it shows which
-            return found if len(models) == 1 else [self._side_by_side([m])[0] for m in models]
-        for column, i in enumerate(together):
-            found[i] = np.concatenate([parts[column] for parts in each])
-        return found
+        axes = [model.settings(self.axis) for model in models]
+        coupled = [
+            needs_all_axes(StageSettings(self.settings.sync_period, (axis,))) for axis in axes
+        ]
+        alone = [axis for axis, joint in zip(axes, coupled, strict=True) if not joint]
+        numbers = range(len(self.measured))
+        each = zip(*(self._simulated(number, alone) for number in numbers), strict=True)
+        return [
+            np.concatenate(
+                [self._left(n, *self.respond_jointly(n, axis)) for n in numbers]
+                if joint
+                else next(each)
+            )
+            for axis, joint in zip(axes, coupled, strict=True)
+        ]
 
     def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
         """Positions and forces of variants of the axis, float64[P, variants] each [m, N].
@@ -184,11 +178,6 @@ class FreeLoop:
             return []
         position, force = self.respond(number, variants)
         return [self._left(number, position[:, i], force[:, i]) for i in range(len(variants))]
-
-    def _jointly(self, axis: AxisSettings) -> F64:
-        """The residual of an axis that has to be simulated together with others, float64[R]."""
-        numbers = range(len(self.measured))
-        return np.concatenate([self._left(n, *self.respond_jointly(n, axis)) for n in numbers])
 
     def _left(self, number: int, position: F64, force: F64) -> F64:
         m = self.measured[number]

@@ -8,5 +8,4 @@ from sim2real.tracking.error_states import Gains as Gains
 from sim2real.tracking.error_states import innovation_response as innovation_response
 from sim2real.tracking.tracker import Track as Track
 from sim2real.tracking.tracker import Tracker as Tracker
-from sim2real.tracking.tracker import needs_other_axes as needs_other_axes
 from sim2real.tracking.tracker import require_presliding as require_presliding

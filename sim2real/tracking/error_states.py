@@ -8,7 +8,7 @@ Kernels work on float64 arrays in place; a rate matrix or transition is [5, 5], 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,7 @@ F64 = NDArray[np.float64]
 STATES = 5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Gains:
+class Gains(NamedTuple):
     """The filter along a recording of K samples; computed in one run and reused for models near it.
 
     Attributes:

@@ -93,24 +93,6 @@ class Tracked(NamedTuple):
     level: F64
 
 
-class Filter(NamedTuple):
-    """Arrays of `sim2real.tracking.error_states.Gains` for A axes, which are the second dimension.
-
-    Attributes:
-        gain: float64[K, A, 5] [state per m].
-        deviation: float64[K, A] [m].
-        transition: float64[K, A, 5, 5].
-        force: float64[K, A, 5] [state per N].
-        level: float64[K, A, 5] [state per relative change].
-    """
-
-    gain: F64
-    deviation: F64
-    transition: F64
-    force: F64
-    level: F64
-
-
 @kernel()
 def _begin(covariance, p, position, wander):  # type: ignore[no-untyped-def]
     """Set the covariance of what is not known where a recording begins."""
@@ -131,7 +113,7 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
         is_fresh: whether gains and transitions are computed; else `filter_arrays.gain` is used as
             it is and its other arrays are not touched.
         tracked: `Tracked`.
-        filter_arrays: `Filter`.
+        filter_arrays: `Gains`, axes as the second dimension.
     """
     m = mechanics
     axes = m.plant.shape[0]
@@ -254,7 +236,7 @@ def _propagate(mechanics, a, friction, deviations, filter_arrays, k, covariance)
         friction: (slipping share before and after the period [1], tangent stiffness [N/m], friction
             force before [N]).
         deviations: `Deviations`.
-        filter_arrays: `Filter`, row k written.
+        filter_arrays: `Gains` of all axes, row k written.
         k: number of the SYNC.
         covariance: float64[5, 5], changed in place.
     """

@@ -17,29 +17,24 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.ports import EffectPorts
-from hil_sim.plant import Arrays
+from hil_sim.plant import Arrays, needs_all_axes
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.gap import Replay, run_by_model, stated_step
-from sim2real.tracking.error_states import (
-    STATES,
-    Gains,
-)
-from sim2real.tracking.kernel import Deviations, Filter, Recorded, Tracked, track
+from sim2real.tracking.error_states import STATES, Gains
+from sim2real.tracking.kernel import Deviations, Recorded, Tracked, track
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
 
 _FINE = 1e-13
 """Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""
-_GAINS = {
-    "gain": (STATES,), "deviation": (), "transition": (STATES, STATES), "force": (STATES,),
-    "level": (STATES,),
-}  # fmt: skip
+_SHAPES = ((STATES,), (), (STATES, STATES), (STATES,), (STATES,))
+"""Of the arrays of `Gains` at one SYNC, in their order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,23 +57,6 @@ class Track:
     v: F64
     motor: F64
     level: F64
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """Results of the kernel for K samples of some axes.
-
-    Attributes:
-        out: field of `Tracked` -> float64[K, axes].
-        filter: field of `Filter` -> float64[K, axes, ...], where gains were computed.
-    """
-
-    out: dict[str, F64]
-    filter: dict[str, F64]
-
-    def gains(self, at: int) -> Gains:
-        """Gains of one axis."""
-        return Gains(**{name: np.ascontiguousarray(v[:, at]) for name, v in self.filter.items()})
 
 
 def require_presliding(settings: StageSettings) -> None:
@@ -167,19 +145,19 @@ class Tracker:
         """
         axes, columns, at = [model], [self._index], 0
         known = None if gains is None else [gains]
-        if needs_other_axes(model, self._stage.sync_period):
+        if self._needs_others(model):
             axes, columns, at = list(self._others), list(range(len(self._others))), self._index
             axes[at] = model
             if gains is not None:
                 known = list(self._of_others)
                 known[at] = gains
-        run = self._tracked(axes, columns, known, [stage_substeps] * len(axes))
-        found = gains or run.gains(at)
-        return self._seen(run, at, found), found
+        out, arrays = self._tracked(axes, columns, known, [stage_substeps] * len(axes))
+        found = gains or _of_axis(arrays, at)
+        return self._seen(out, at, found), found
 
     def variants(
         self, models: Sequence[AxisSettings], gains: Gains, stage_substeps: Sequence[float]
-    ) -> list[Track | None]:
+    ) -> list[Track]:
         """Track the axis under several models at once, each in little more than half the time.
 
         The processor works on one simulation while another waits for its own results.
@@ -189,47 +167,32 @@ class Tracker:
             gains: as in `run`.
             stage_substeps: of each model, as in `run`.
 
-        Returns:
-            A track for each, None for effects that physics does not allow.
+        Raises:
+            ValueError: effects that physics does not allow.
         """
-        found: list[Track | None] = [None] * len(models)
+        found: dict[int, Track] = {}
         groups: dict[int, list[int]] = {}
         for i, (model, steps) in enumerate(zip(models, stage_substeps, strict=True)):
-            try:
-                together = needs_other_axes(model, self._stage.sync_period)
-            except ValueError:
-                continue
-            if together:
-                found[i] = self._if_possible(model, gains, steps)
+            if self._needs_others(model):
+                found[i], _ = self.run(model, gains, steps)
             else:
                 groups.setdefault(self._steps(steps), []).append(i)
         for group in groups.values():
             axes, columns = [models[i] for i in group], [self._index] * len(group)
-            try:
-                own = [stage_substeps[i] for i in group]
-                run = self._tracked(axes, columns, [gains] * len(group), own)
-            except ValueError:  # of one of them: tracked alone, it shows which
-                for i in group:
-                    found[i] = self._if_possible(models[i], gains, stage_substeps[i])
-            else:
-                for at, i in enumerate(group):
-                    found[i] = self._seen(run, at, gains)
-        return found
+            own = [stage_substeps[i] for i in group]
+            out, _ = self._tracked(axes, columns, [gains] * len(group), own)
+            found |= {i: self._seen(out, at, gains) for at, i in enumerate(group)}
+        return [found[i] for i in range(len(models))]
 
-    def _if_possible(
-        self, model: AxisSettings, gains: Gains, stage_substeps: float
-    ) -> Track | None:
-        try:
-            return self.run(model, gains, stage_substeps)[0]
-        except ValueError:
-            return None
+    def _needs_others(self, model: AxisSettings) -> bool:
+        return needs_all_axes(StageSettings(self._stage.sync_period, (model,)))
 
     @cached_property
     def _of_others(self) -> list[Gains]:
         """Gains of all axes with the effects they have beside this one, computed once."""
         count = len(self._others)
-        run = self._tracked(self._others, list(range(count)), None, [SUBSTEPS] * count)
-        return [run.gains(a) for a in range(count)]
+        _, arrays = self._tracked(self._others, list(range(count)), None, [SUBSTEPS] * count)
+        return [_of_axis(arrays, a) for a in range(count)]
 
     def _steps(self, stage_substeps: float) -> int:
         """Plant steps per control tick of a simulation that stands for `stage_substeps` ones."""
@@ -241,20 +204,25 @@ class Tracker:
         columns: Sequence[int],
         gains: Sequence[Gains] | None,
         stage_substeps: Sequence[float],
-    ) -> _Run:
-        """Track several axes of the recording, or several variants of one, column by column."""
+    ) -> tuple[Tracked, Gains]:
+        """Track several axes of the recording, or several variants of one, column by column.
+
+        Axes are the second dimension of all arrays, also of the gains where they were computed.
+        """
         stage = replace(
             self._stage,
             axes=tuple(replace(a, increment=_FINE) for a in axes),
             start=self._replay.start,
         )
+        replay = self._replay
+
+        def of_axes(values: NDArray[Any]) -> NDArray[Any]:
+            return np.ascontiguousarray(values[:, columns])
+
         recorded = Recorded(
-            np.ascontiguousarray(self._replay.demand[:, columns]),
-            np.ascontiguousarray(self._replay.offset[:, columns]),
-            np.ascontiguousarray(self._measured[:, columns]),
-            np.ascontiguousarray(self._force[:, columns]),
-            np.ascontiguousarray(self._valid[:, columns]),
-        )
+            of_axes(replay.demand), of_axes(replay.offset), of_axes(self._measured),
+            of_axes(self._force), of_axes(self._valid),
+        )  # fmt: skip
         count, period = len(recorded.demand), stage.sync_period
         steps = self._steps(stage_substeps[0])
         start = np.where(recorded.valid[0], recorded.position[0], recorded.demand[0])
@@ -277,29 +245,32 @@ class Tracker:
             np.array(noise)[list(columns)],
             np.array([force_deviation(a, logged[a.name].get("force")) for a in axes]),
         )
-        out = {name: np.zeros((count, len(axes))) for name in Tracked._fields}
-        known = 0 if gains is None else count
-        fresh = {
-            name: np.zeros((count - known, len(axes), *shape)) for name, shape in _GAINS.items()
-        }
-        gain = fresh["gain"] if gains is None else np.stack([g.gain for g in gains], axis=1)
-        filter_arrays = Filter(**{**fresh, "gain": gain})
-        track(arrays.mechanics, recorded, deviations, gains is None, Tracked(**out), filter_arrays)
-        return _Run(out, {**fresh, "gain": gain})
+        out = Tracked(*(np.zeros((count, len(axes))) for _ in Tracked._fields))
+        fresh = 0 if gains is not None else count
+        own = Gains(*(np.zeros((fresh, len(axes), *shape)) for shape in _SHAPES))
+        if gains is not None:
+            own = own._replace(gain=np.stack([g.gain for g in gains], axis=1))
+        track(arrays.mechanics, recorded, deviations, gains is None, out, own)
+        return out, own
 
-    def _seen(self, run: _Run, at: int, gains: Gains) -> Track:
+    def _seen(self, out: Tracked, at: int, gains: Gains) -> Track:
         """The track of one axis of a run."""
-        motor = run.out["motor"][:, at]
+        motor = out.motor[:, at]
         step = self._replay.steps[self.axis.name].get("force")
         return Track(
-            position=run.out["innovation"][:, at] / gains.deviation,
+            position=out.innovation[:, at] / gains.deviation,
             force=(self._force[:, self._index] - motor) / force_deviation(self.axis, step),
             valid=self.valid,
-            x=run.out["x"][:, at],
-            v=run.out["v"][:, at],
+            x=out.x[:, at],
+            v=out.v[:, at],
             motor=motor,
-            level=run.out["level"][:, at],
+            level=out.level[:, at],
         )
+
+
+def _of_axis(gains: Gains, at: int) -> Gains:
+    """Gains of one axis of several."""
+    return Gains(*(np.ascontiguousarray(values[:, at]) for values in gains))
 
 
 def _begin(arrays: Arrays, recorded: Recorded, period: float) -> None:
@@ -326,11 +297,3 @@ def force_deviation(axis: AxisSettings, step: float | None = None) -> float:
     unit = stated_step(axis, "force") if step is None else step
     gain = control.kp + control.kd / (control.derivative_time + control.period)
     return math.hypot(unit / math.sqrt(12.0), gain * axis.noise)
-
-
-def needs_other_axes(model: AxisSettings, period: float) -> bool:
-    """Whether an effect of this axis depends on what the other axes do."""
-    ports = EffectPorts(model, period, period)
-    for effect in model.effects:
-        effect.apply(ports)
-    return bool(ports.coupled_mass or ports.fields)
