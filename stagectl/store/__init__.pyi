@@ -29,15 +29,7 @@ from .recording import (
     write_recording,
 )
 from .recording_blocks import RecordingBlocks, read_recording
-from .summary import (
-    FrictionEntry,
-    ParameterEstimate,
-    Retry,
-    RunFacts,
-    build_summary,
-    finite,
-    write_summary,
-)
+from .summary import finite, summarise_samples
 
 __all__ = [
     "FILE_NAME",
@@ -49,16 +41,11 @@ __all__ = [
     "AxisScaling",
     "BusLog",
     "CycleLedger",
-    "FrictionEntry",
     "Journal",
     "JournalHeader",
     "LoggedFrame",
-    "ParameterEstimate",
     "RecordingBlocks",
-    "Retry",
-    "RunFacts",
     "RunNotes",
-    "build_summary",
     "find_log",
     "finite",
     "read_journal_notes",
@@ -74,7 +61,7 @@ __all__ = [
     "refuse_in_progress",
     "sample_codec",
     "sample_dtype",
+    "summarise_samples",
     "write_atomically",
     "write_recording",
-    "write_summary",
 ]

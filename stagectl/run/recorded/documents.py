@@ -5,6 +5,7 @@ The page of a calibration is `stagectl.calibration`'s.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from stagectl.store import (
     read_notes,
     read_recording,
     recording_in,
-    write_summary,
+    write_atomically,
 )
 from stagedata import Recording
 
@@ -57,7 +58,8 @@ def write_documents(
     """
     summary = summarise(notes, recording, ledger, machine, path)
     summary_path, report_path = document_paths(path)
-    write_summary(summary, summary_path)
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    write_atomically(summary_path, text, "summary")
     if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
         told = [e["text"] for e in notes.events if e["event"] == "limitation"]

@@ -5,7 +5,6 @@ The same when the run ends, after a kill, and whenever it is made again.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,20 +15,11 @@ from stagectl.recipe import SiteLimits
 from stagectl.run.recorded.resume_command import resume_command
 from stagectl.run.request import Resumed
 from stagectl.sequencer import SiteVerdict, judge
-from stagectl.store import (
-    CycleLedger,
-    FrictionEntry,
-    ParameterEstimate,
-    Retry,
-    RunFacts,
-    RunNotes,
-    build_summary,
-)
+from stagectl.store import CycleLedger, RunNotes, finite, summarise_samples
 from stagedata import Recording
 
 UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
 """Friction figures of a summary and their units."""
-_STEP = ("axis", "place", "time", "change", "everywhere")
 
 Note = Mapping[str, Any]
 
@@ -53,7 +43,7 @@ def summarise(
     machine: Machine,
     path: Path,
 ) -> dict[str, Any]:
-    """Build the summary of a run.
+    """Build the summary of a run as JSON values.
 
     Args:
         notes: of the recording, or of the journal.
@@ -66,88 +56,101 @@ def summarise(
         UnusableInput: an older version made the recording, or its events are damaged.
     """
     run = run_note(notes, path)
+    measured = summarise_samples(
+        recording, _control_period(machine), machine.bus.sync_period, ledger
+    )
     try:
-        facts = _facts(notes, run, recording, machine, path.parent)
-        friction = [_friction(e) for e in notes.events if e["event"] == "friction"]
+        return {
+            "format": "stagectl-run-summary",
+            "version": 1,
+            "recipe": run["history"]["recipe"],
+            "machine": run["history"]["stage"]["machine"],
+            "compensation": run["compensation"],
+            "seed": run["seed"],
+            "simulated": run["simulated"],
+            "lot": run["history"]["lot"],
+            "duration": round(len(recording) * machine.bus.sync_period, 9),
+            "wall_time": finite(_last(notes, "end").get("wall_time")),
+            "outcome": notes.outcome,
+            "fault": notes.fault,
+            "moves": measured.pop("moves"),
+            "friction": [_friction(event) for event in _all(notes, "friction")],
+            **measured,
+            **_where_it_applies(notes, run, recording, machine, path.parent),
+        }
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
-    return build_summary(
-        recording,
-        facts,
-        friction,
-        control_period=_control_period(machine),
-        sync_period=machine.bus.sync_period,
-        ledger=ledger,
-    )
 
 
 def _control_period(machine: Machine) -> float:
     return next(iter(machine.axes.values())).drive.control_period
 
 
-def _facts(
+def _where_it_applies(
     notes: RunNotes, run: Note, recording: Recording, machine: Machine, folder: Path
-) -> RunFacts:
-    entry, end = run["history"], _last(notes, "end")
-    unfiled = _last(notes, "unfiled")
+) -> dict[str, Any]:
+    """The keys that not every summary has."""
     resumed = None if run["resumed"] is None else Resumed.from_note(run["resumed"])
+    unfiled = _last(notes, "unfiled")
+    found = {
+        "started": notes.started or None,
+        "wafer": run["history"]["wafer"],
+        "operator": run.get("operator"),
+        "comment": run.get("comment"),
+        "limits": _limits(notes, run, recording, machine, resumed),
+        "interrupted": _interrupted(notes, run, recording, machine, folder, resumed),
+        "map": run["map"],
+        "map_comment": run.get("map_comment") or None,
+        "observer": _last(notes, "observer").get("axes") or None,
+        "watchdog": _picked(notes, "observer_found", "axis", "time", "out", "text"),
+        "feedforward": _last(notes, "feedforward").get("axes") or None,
+        "steps": _picked(notes, "level_stepped", "axis", "place", "time", "change", "everywhere"),
+        "effects": run.get("effects") or None,
+        "history": {name: unfiled[name] for name in ("filed", "estimates")} if unfiled else None,
+        "resumed": None if resumed is None else resumed.link(),
+        "retries": _picked(notes, "retry", "site", "attempt", "fault"),
+    }
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _interrupted(
+    notes: RunNotes,
+    run: Note,
+    recording: Recording,
+    machine: Machine,
+    folder: Path,
+    resumed: Resumed | None,
+) -> dict[str, Any] | None:
+    """Where and why the run ended early, and what to type; None where it did not."""
+    if notes.outcome == "completed" or "stretches" not in run:
+        return None
     done = max(_done(notes, resumed), default=0)
-    return RunFacts(
-        recipe=entry["recipe"],
-        machine=entry["stage"]["machine"],
-        compensation=run["compensation"],
-        seed=run["seed"],
-        simulated=run["simulated"],
-        lot=entry["lot"],
-        duration=round(len(recording) * machine.bus.sync_period, 9),
-        wall_time=end.get("wall_time", math.nan),
-        outcome=notes.outcome,
-        fault=notes.fault,
-        resumed=None if resumed is None else resumed.link(),
-        retries=tuple(
-            Retry(e["site"], e["attempt"], e["fault"])
-            for e in notes.events
-            if e["event"] == "retry"
-        ),
-        wafer=entry["wafer"],
-        map=run["map"],
-        map_comment=run.get("map_comment", ""),
-        effects=tuple(run.get("effects", ())),
-        observer=_last(notes, "observer").get("axes", {}),
-        feedforward=_last(notes, "feedforward").get("axes", {}),
-        watchdog=tuple(
-            {key: e[key] for key in ("axis", "time", "out", "text")}
-            for e in notes.events
-            if e["event"] == "observer_found"
-        ),
-        steps=tuple(
-            {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
-        ),
-        unfiled=None if not unfiled else (unfiled["filed"], unfiled["estimates"]),
-        started=notes.started,
-        operator=run.get("operator"),
-        comment=run.get("comment"),
-        limits=_limits(notes, run, recording, machine, resumed),
-        interrupted=None
-        if notes.outcome == "completed" or "stretches" not in run
-        else {
-            "reason": notes.fault or end.get("reason") or "the process was killed",
-            "unit": run["unit"],
-            "done": done,
-            "of": run["stretches"],
-            "at": done + 1 if _is_begun(notes, recording) else None,
-            "resume": _resume(run, machine, folder if len(recording) else resumed),
-        },
-    )
+    return {
+        "reason": notes.fault or _last(notes, "end").get("reason") or "the process was killed",
+        "unit": run["unit"],
+        "done": done,
+        "of": run["stretches"],
+        "at": done + 1 if _is_begun(notes, recording) else None,
+        "resume": _resume(run, machine, folder if len(recording) else resumed),
+    }
+
+
+def _all(notes: RunNotes, event: str) -> list[Note]:
+    return [e for e in notes.events if e["event"] == event]
+
+
+def _picked(notes: RunNotes, event: str, *keys: str) -> list[dict[str, Any]] | None:
+    """These keys of all events of a name; None where there are none."""
+    return [{key: e[key] for key in keys} for e in _all(notes, event)] or None
 
 
 def _last(notes: RunNotes, event: str) -> Note:
-    return next((e for e in reversed(notes.events) if e["event"] == event), {})
+    return next(reversed(_all(notes, event)), {})
 
 
 def _done(notes: RunNotes, resumed: Resumed | None) -> list[int]:
     """Numbers of the completed segments; of those before a resumed run only the last."""
-    done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
+    done = [int(e["number"]) for e in _all(notes, "done")]
     return [*([] if resumed is None else [resumed.done]), *done]
 
 
@@ -174,7 +177,7 @@ def _limits(
     allowed = SiteLimits(limits["settling"], limits["peak_error"])
     if allowed.settling is None and allowed.peak_error is None:
         return None
-    done = {e["site"] for e in notes.events if e["event"] == "done"}
+    done = {e["site"] for e in _all(notes, "done")}
     found = judge(
         recording, allowed, limits["window"], _control_period(machine), machine.bus.sync_period
     )
@@ -202,22 +205,14 @@ def site_verdicts(summary: Note) -> tuple[SiteVerdict, ...]:
     return tuple(SiteVerdict(entry["site"], tuple(entry["failures"])) for entry in sites)
 
 
-def _friction(event: Note) -> FrictionEntry:
-    compute_time = event.get("compute_time")
-    return FrictionEntry(
-        site=event["site"],
-        axis=event["axis"],
-        accepted=event["accepted"],
-        reason=event["reason"],
-        compute_time=math.nan if compute_time is None else float(compute_time),
-        parameters={
-            name: ParameterEstimate(_number(value), _number(sigma), UNITS[name])
+def _friction(event: Note) -> dict[str, Any]:
+    return {
+        **{key: event[key] for key in ("site", "axis", "accepted", "reason")},
+        "compute_time": finite(event.get("compute_time")),
+        "parameters": {
+            name: {"value": finite(value), "sigma": finite(sigma), "unit": UNITS[name]}
             for name, (value, sigma) in event["parameters"].items()
         },
-        gain={name: _number(gain) for name, gain in event.get("gain", {}).items()},
-        held=list(event["held"]),
-    )
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
+        "gain": {name: finite(gain) for name, gain in event.get("gain", {}).items()},
+        "held": list(event["held"]),
+    }

@@ -8,28 +8,26 @@ from typing import Any
 
 import pytest
 
-from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary, read_recording
+from stagectl.store import read_recording, summarise_samples
 from stagedata import Recording
 
 TC, TS = 1e-4, 1e-3
-FACTS = RunFacts("inspection", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
-FRICTION = [
-    FrictionEntry(1, "x", True, None, 3e-5, {"coulomb": ParameterEstimate(6.02, 0.01, "N")}),
-    FrictionEntry(
-        2, "y", False, "innovation <too> large", 3e-5, {"coulomb": ParameterEstimate(99, 9, "N")}
-    ),
-]
 
 
-@pytest.fixture(scope="session")
-def facts() -> RunFacts:
-    return FACTS
+def friction(site: int, axis: str, value: float, reason: str | None = None) -> dict[str, Any]:
+    return {
+        "site": site, "axis": axis, "accepted": reason is None, "reason": reason,
+        "compute_time": 3e-5, "gain": {}, "held": [],
+        "parameters": {"coulomb": {"value": value, "sigma": 0.01, "unit": "N"}},
+    }  # fmt: skip
 
 
-@pytest.fixture(scope="session")
-def friction() -> list[FrictionEntry]:
-    """An accepted estimate and a refused one."""
-    return FRICTION
+FACTS = {
+    "recipe": "inspection", "machine": "wafer-xy", "compensation": "estimated", "seed": 1,
+    "simulated": True, "lot": None, "duration": 9.7, "wall_time": 0.6, "outcome": "completed",
+    "fault": None,
+    "friction": [friction(1, "x", 6.02), friction(2, "y", 99.0, "innovation <too> large")],
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +38,10 @@ def recording() -> Recording:
     return replace(read, moves=moves)
 
 
+def summary_of(recording: Recording, **changes: Any) -> dict[str, Any]:
+    return {**FACTS, **summarise_samples(recording, TC, TS), **changes}
+
+
 @pytest.fixture(scope="session")
 def summary(recording: Recording) -> dict[str, Any]:
-    return build_summary(recording, FACTS, FRICTION, control_period=TC, sync_period=TS)
+    return summary_of(recording)

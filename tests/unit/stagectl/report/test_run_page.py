@@ -17,8 +17,8 @@ from stagectl.errors import StagectlError
 from stagectl.report import write_report
 from stagectl.report.run_page import render_report
 from stagectl.report.traces import BEFORE
-from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary
 from stagedata import Recording, aligned_demand
+from tests.unit.stagectl.report.conftest import friction, summary_of
 
 TC, TS = 1e-4, 1e-3
 
@@ -84,14 +84,12 @@ def test_the_page_states_the_results_of_the_summary(recording: Recording, summar
     assert "6.02" in text
 
 
-def test_text_of_files_cannot_become_markup(
-    recording: Recording, facts: RunFacts, friction: list[FrictionEntry]
-):
+def test_text_of_files_cannot_become_markup(recording: Recording):
     evil = "</script><script>alert(1)</script>"
     bad = replace(recording, machine=evil, recipe=evil)
-    entry = replace(friction[1], reason=evil, parameters={evil: ParameterEstimate(1, 1, evil)})
-    faulty = replace(facts, recipe=evil, fault=evil, outcome="fault")
-    summary = build_summary(bad, faulty, [entry], control_period=TC, sync_period=TS)
+    entry = friction(2, "y", 1.0, evil)
+    entry["parameters"] = {evil: {"value": 1.0, "sigma": 1.0, "unit": evil}}
+    summary = summary_of(bad, recipe=evil, fault=evil, outcome="fault", friction=[entry])
     html = render_report(bad, summary, control_period=TC)
     assert html.count("<script>alert") == 0
     page = Page(html)
@@ -115,10 +113,9 @@ def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: 
     assert abs(aligned_demand(x, TC / TS)[k - 1] - move.target["x"]) > 1e-9
 
 
-def test_a_run_that_was_aborted_before_its_first_move(recording: Recording, facts: RunFacts):
+def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     empty = replace(recording, moves=())
-    aborted = replace(facts, outcome="aborted", compensation="none")
-    summary = build_summary(empty, aborted, [], control_period=TC, sync_period=TS)
+    summary = summary_of(empty, outcome="aborted", compensation="none", friction=[])
     page = Page(render_report(empty, summary, control_period=TC))
     assert "Aborted" in page.text
     assert "No micro-move was completed." in page.text

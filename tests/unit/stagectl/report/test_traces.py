@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 
 from stagectl.report.traces import BEFORE, chart_data
-from stagectl.store import RunFacts, build_summary
 from stagedata import Recording
+from tests.unit.stagectl.report.conftest import summary_of
 
 TC, TS = 1e-4, 1e-3
 
 
-def test_missed_samples_are_gaps(recording: Recording, facts: RunFacts):
+def test_missed_samples_are_gaps(recording: Recording):
     k = recording.moves[2].start
     x = replace(recording.axes["x"], valid=np.arange(len(recording)) != k)
     masked = replace(recording, axes={"x": x, "y": recording.axes["y"]})
-    summary = build_summary(masked, facts, [], control_period=TC, sync_period=TS)
-    data = chart_data(masked, summary, TC)
+    data = chart_data(masked, summary_of(masked), TC)
     assert data["moves"][2]["error"]["x"][BEFORE] is None
     assert data["moves"][2]["force"]["x"][BEFORE] is None
     assert data["moves"][2]["error"]["y"][BEFORE] is not None
