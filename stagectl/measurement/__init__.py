@@ -4,27 +4,14 @@
 `procedure` makes one of an enabled stage, `simulated` of a virtual one.
 """
 
-from stagectl.measurement.document import (
-    SUFFIX,
-    Measurement,
-    load_measurement,
-    parse_measurement,
-    response_path,
-)
-from stagectl.measurement.findings import AxisFindings, find_contradictions
-from stagectl.measurement.procedure import identify, measure_on_bus
-from stagectl.measurement.simulated import measure_simulated, measure_virtual_stage
-
-__all__ = [
-    "SUFFIX",
-    "AxisFindings",
-    "Measurement",
-    "find_contradictions",
-    "identify",
-    "load_measurement",
-    "measure_on_bus",
-    "measure_simulated",
-    "measure_virtual_stage",
-    "parse_measurement",
-    "response_path",
-]
+from stagectl.measurement.document import SUFFIX as SUFFIX
+from stagectl.measurement.document import Measurement as Measurement
+from stagectl.measurement.document import load_measurement as load_measurement
+from stagectl.measurement.document import parse_measurement as parse_measurement
+from stagectl.measurement.document import response_path as response_path
+from stagectl.measurement.findings import AxisFindings as AxisFindings
+from stagectl.measurement.findings import find_contradictions as find_contradictions
+from stagectl.measurement.procedure import identify as identify
+from stagectl.measurement.procedure import measure_on_bus as measure_on_bus
+from stagectl.measurement.simulated import measure_simulated as measure_simulated
+from stagectl.measurement.simulated import measure_virtual_stage as measure_virtual_stage

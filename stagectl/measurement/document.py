@@ -25,20 +25,23 @@ DIGITS = 6
 """Significant digits kept of each value: a measurement is known to fewer."""
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Identity(_Part):
     """Identity object (0x1018) of a drive; None for what it lacks."""
 
-    vendor: int | None = None
-    product: int | None = None
-    revision: int | None = None
-    serial: int | None = None
+    vendor: int | None
+    product: int | None
+    revision: int | None
+    serial: int | None
 
     def difference(self, now: Identity) -> str | None:
         """What is another now, in words; None where nothing is."""
         changed = [
             f"{name} {getattr(now, name)}, was {getattr(self, name)}"
-            for name in ("vendor", "product", "revision", "serial")
+            for name in Identity.model_fields
             if getattr(now, name) != getattr(self, name)
         ]
         return ", ".join(changed) or None
@@ -77,18 +80,15 @@ class Measurement:
 
     def as_text(self) -> str:
         """Content of its file."""
-        axes = {}
-        for name, axis in self.axes.items():
-            own = axis.identity
-            axes[name] = {
-                "drive": None
-                if own is None
-                else {"vendor": own.vendor, "product": own.product, "revision": own.revision,
-                      "serial": own.serial},
+        axes = {
+            name: {
+                "drive": None if axis.identity is None else axis.identity.model_dump(),
                 "settings": dict(axis.settings),
                 "rest": _as_lists(axis.response.rest),
                 "sliding": _as_lists(axis.response.sliding),
-            }  # fmt: skip
+            }
+            for name, axis in self.axes.items()
+        }
         return json.dumps(
             {"format": "stagectl-response", "version": 1, "measured": self.measured,
              "machine": self.machine, "axes": axes}
@@ -178,10 +178,6 @@ def parse_measurement(text: str, source: str) -> Measurement:
     return Measurement(file.measured, file.machine, axes, source)
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
 class _Response(_Part):
     at: tuple[float, ...] = Field(min_length=2, max_length=100_000)
     real: tuple[float, ...]
@@ -215,26 +211,17 @@ class _State(_Part):
         )
 
 
-class _Drive(_Part):
-    vendor: int | None
-    product: int | None
-    revision: int | None
-    serial: int | None
-
-
 class _Axis(_Part):
-    drive: _Drive | None
+    drive: Identity | None
     settings: Mapping[str, float]
     rest: _State
     sliding: _State
 
     def measured(self) -> MeasuredAxis:
-        own = self.drive
-        identity = None if own is None else Identity(**own.model_dump())
         response = AxisResponse(self.rest.response("rest"), self.sliding.response("sliding"))
         if not np.array_equal(response.rest.offset_at, response.sliding.offset_at):
             raise ValueError("the frequencies at rest and while sliding differ")
-        return MeasuredAxis(identity, self.settings, response)
+        return MeasuredAxis(self.drive, self.settings, response)
 
 
 class _File(_Part):

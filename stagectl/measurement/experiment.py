@@ -90,7 +90,7 @@ class Experiment:
     Args:
         machine: as the host believes it.
         position: of each axis now [m], (n,).
-        offers_offset: whether its drive takes force offsets; None: all do.
+        offers_offset: whether its drive takes force offsets.
 
     Attributes:
         names: of the axes that are measured: those that can have an observer.
@@ -105,15 +105,14 @@ class Experiment:
         self,
         machine: Machine,
         position: Sequence[float],
-        offers_offset: Sequence[bool] | None = None,
+        offers_offset: Sequence[bool],
     ) -> None:
         self._period = machine.bus.sync_period
         axes = list(machine.axes.items())
-        offers = offers_offset or [True] * len(axes)
         self._columns = [
             a
             for a, (_, axis) in enumerate(axes)
-            if offers[a] and axis.observer != "none" and drive_loop(axis.drive) is not None
+            if offers_offset[a] and axis.observer != "none" and drive_loop(axis.drive) is not None
         ]
         if not self._columns:
             raise UnusableInput(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 
+import can
+
 from drivers import DriverError, NodeError, Stage
 from drivers.errors import BusOpenError
 from drivers.objects import ObjectRef
+from drivers.settings import AxisSettings, BusSettings
 from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings
 from stagectl.errors import Aborted, RunFault, UnusableInput
@@ -85,25 +88,32 @@ def measure_on_bus(
     settings, axes = driver_settings(machine)
     if bus is not None:
         settings = replace(settings, interface=bus[0], channel=bus[1])
-    with refused_as_fault(), Stage.open(settings, axes) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
-        found = measure_stage(stage, machine, measured, agreed, stop, progress)
-        stage.disable()
-        return found
+    with ready_stage(settings, axes) as stage:
+        return measure_stage(stage, machine, measured, agreed, stop, progress)
 
 
 @contextmanager
-def refused_as_fault() -> Iterator[None]:
-    """What the driver raises, as the program's own errors.
+def ready_stage(
+    bus: BusSettings, axes: Sequence[AxisSettings], opened: can.BusABC | None = None
+) -> Iterator[Stage]:
+    """A stage that is booted, homed and enabled, and disabled in the end.
+
+    Args:
+        bus: its settings.
+        axes: their settings.
+        opened: that bus, which stays open; None: it is opened.
 
     Raises:
         UnusableInput: there is no such bus.
         RunFault: bus, node or axis failed.
     """
     try:
-        yield
+        with Stage.open(bus, axes, bus_object=opened) as stage:
+            stage.boot()
+            stage.home()
+            stage.enable()
+            yield stage
+            stage.disable()
     except BusOpenError as error:
         raise UnusableInput(str(error)) from error
     except DriverError as error:
@@ -118,12 +128,11 @@ def identify(stage: Stage) -> dict[str, Identity]:
     """
     found = {}
     for axis in stage.axes:
-
-        def read(sub: int, node=axis.node) -> int | None:  # type: ignore[no-untyped-def]
+        values: dict[str, int | None] = {}
+        for sub, name in enumerate(Identity.model_fields, 1):
             try:
-                return int(node.read(ObjectRef(IDENTITY, sub, "identity")))
+                values[name] = int(axis.node.read(ObjectRef(IDENTITY, sub, "identity")))
             except NodeError:
-                return None
-
-        found[axis.name] = Identity(read(1), read(2), read(3), read(4))
+                values[name] = None
+        found[axis.name] = Identity(**values)
     return found

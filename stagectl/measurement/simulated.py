@@ -17,7 +17,7 @@ from pathlib import Path
 
 from stagectl.config.machine import Machine
 from stagectl.measurement.document import Measurement, parse_measurement
-from stagectl.measurement.procedure import measure_stage, refused_as_fault
+from stagectl.measurement.procedure import measure_stage, ready_stage
 
 SEED = 1
 KEPT = 100
@@ -56,7 +56,6 @@ def measure_simulated(machine: Machine, truth: Machine, seed: int) -> Measuremen
     Raises:
         RunFault, UnusableInput: as above.
     """
-    from drivers.stage import Stage
     from hil_sim.bus import LockstepBus, World
     from hil_sim.stage import VirtualStage
     from stagectl.config.settings.package_settings import driver_settings, stage_settings
@@ -66,13 +65,8 @@ def measure_simulated(machine: Machine, truth: Machine, seed: int) -> Measuremen
     bus = LockstepBus(channel=world.name)
     settings, axes = driver_settings(machine)
     try:
-        with refused_as_fault(), Stage.open(settings, axes, bus_object=bus) as stage:
-            stage.boot()
-            stage.home()
-            stage.enable()
-            found = measure_stage(stage, machine)
-            stage.disable()
-            return found
+        with ready_stage(settings, axes, bus) as stage:
+            return measure_stage(stage, machine)
     finally:
         bus.shutdown()
 

@@ -42,10 +42,9 @@ class Observers:
         simulated: bool,
         out: Mapping[str, str] | None = None,
     ) -> None:
-        self._machine, self._compensation = machine, compensation
-        self._measurement, self._simulated = measurement, simulated
-        axes = zip(machine.axes, compensation, strict=True)
-        friction = {name: axis.estimator.friction for name, axis in axes}
+        self._machine, self._measurement, self._simulated = machine, measurement, simulated
+        self._axes = dict(zip(machine.axes, compensation, strict=True))
+        friction = {name: axis.estimator.friction for name, axis in self._axes.items()}
         designs = design_observers(machine, friction, self._responses())
         self._designs = {**designs, **(out or {})}
         self._out: dict[str, str] = {}
@@ -94,9 +93,9 @@ class Observers:
             ],
         )
         self._bound()
-        axes = zip(self._compensation, self._designs.values(), observer.is_on, strict=True)
-        for a, (compensation, design, is_on) in enumerate(axes):
-            if is_on and isinstance(design, Design):
+        for a, (name, compensation) in enumerate(self._axes.items()):
+            design = self._designs[name]
+            if observer.is_on[a] and isinstance(design, Design):
                 compensation.observe(design, partial(observer.redesign, a))
         if any(observer.is_on):
             stage.correct_offsets(ObservedOffsets(observer))
@@ -107,7 +106,7 @@ class Observers:
         if self._observer is None:
             return []
         events = []
-        names = tuple(self._machine.axes)
+        names = tuple(self._axes)
         for finding in self._observer.findings():
             name = names[finding.axis]
             text = describe(name, finding)
@@ -117,7 +116,7 @@ class Observers:
                 continue
             if is_out(finding):
                 self._out[name] = text
-                self._compensation[finding.axis].unobserve()
+                self._axes[name].unobserve()
             events.append(ObserverFound(name, finding.time, is_out(finding), text))
         self._bound()
         return events
@@ -131,9 +130,9 @@ class Observers:
         """Bound each correction by what friction may be."""
         if self._observer is None:
             return
-        axes = zip(self._machine.axes.values(), self._compensation, strict=True)
-        for a, (axis, compensation) in enumerate(axes):
-            coulomb = max(axis.plant.friction.coulomb, compensation.estimator.friction.coulomb)
+        for a, (name, compensation) in enumerate(self._axes.items()):
+            stated = self._machine.axes[name].plant.friction.coulomb
+            coulomb = max(stated, compensation.estimator.friction.coulomb)
             self._observer.bound(a, coulomb + compensation.low_speed.level)
 
     def restart(self) -> None:
@@ -143,10 +142,9 @@ class Observers:
 
     def findings(self) -> list[str]:
         """What moves have shown that the machine file does not have, and is allowed for now."""
-        axes = list(zip(self._machine.axes, self._compensation, strict=True))
         return [
             f"axis {name}: {clause}; it is fed forward"
-            for name, compensation in axes
+            for name, compensation in self._axes.items()
             for clause in (
                 *compensation.acceleration.describe(),
                 *compensation.low_speed.describe(),
@@ -154,16 +152,15 @@ class Observers:
         ] + [
             f"axis {name}: friction sticks without presliding; the observer assumes none "
             "(friction.model: coulomb)"
-            for name, compensation in axes
+            for name, compensation in self._axes.items()
             if compensation.sticking.found
         ]
 
     def learned(self) -> dict[str, dict[str, float]]:
         """What is fed forward now besides the machine file's, of each axis that learns it."""
-        axes = zip(self._machine.axes, self._compensation, strict=True)
         return {
             name: axis.acceleration.figures()
-            for name, axis in axes
+            for name, axis in self._axes.items()
             if axis.observed and axis.mode is Mode.ESTIMATED
         }
 
@@ -182,9 +179,8 @@ class Observers:
         """What the operator should know of observers that ended early."""
         if self._observer is None:
             return []
-        axes = zip(self._machine.axes, self._observer.failed, strict=True)
         return list(self._open.values()) + [
             f"axis {name}: the observer's estimate was not finite; its correction stayed as it was"
-            for name, failed in axes
+            for name, failed in zip(self._axes, self._observer.failed, strict=True)
             if failed
         ]

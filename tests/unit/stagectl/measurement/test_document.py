@@ -33,7 +33,7 @@ def text(change=lambda _: None):
 
 def test_a_file_is_read():
     found = parse_measurement(text(), "m.json")
-    assert found.axes["x"].identity == Identity(1, 2, 3, None)
+    assert found.axes["x"].identity == Identity(vendor=1, product=2, revision=3, serial=None)
     assert found.axes["x"].response.rest.offset[1] == 1e-6 + 1e-7j
     assert parse_measurement(found.as_text(), "m").as_text() == found.as_text()
 

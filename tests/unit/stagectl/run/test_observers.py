@@ -45,27 +45,26 @@ class Noted:
         self.designs, self.is_on = designs, is_on
 
 
-def test_every_axis_has_one_where_its_drive_takes_force_offsets(machine, compensation, measured):
-    stage, record = Enabled(machine), Noted()
-    Observers(machine, compensation, measured, simulated=True).attach(stage, record)
+@pytest.fixture
+def attach(machine, compensation, measured):
+    """Observers of an enabled stage, with the stage and what was noted."""
+
+    def made(accepts=(True, True), **out):
+        stage, record = Enabled(machine, accepts), Noted()
+        observers = Observers(machine, compensation, measured, simulated=True, **out)
+        observers.attach(stage, record)
+        return observers, stage, record
+
+    return made
+
+
+@pytest.mark.parametrize("accepts", [(True, True), (True, False), (False, False)])
+def test_an_axis_has_one_where_its_drive_takes_force_offsets(attach, compensation, accepts):
+    observers, stage, record = attach(accepts)
     assert list(record.designs) == ["x", "y"]
-    assert record.is_on == (True, True)
-    assert [axis.observed for axis in compensation] == [True, True]
-    assert stage.correction is not None
-
-
-def test_an_axis_whose_drive_takes_no_force_offset_goes_without(machine, compensation, measured):
-    stage, record = Enabled(machine, accepts=(True, False)), Noted()
-    Observers(machine, compensation, measured, simulated=True).attach(stage, record)
-    assert record.is_on == (True, False)
-    assert [axis.observed for axis in compensation] == [True, False]
-
-
-def test_nothing_is_corrected_where_no_axis_has_one(machine, compensation, measured):
-    stage = Enabled(machine, accepts=(False, False))
-    observers = Observers(machine, compensation, measured, simulated=True)
-    observers.attach(stage, Noted())
-    assert stage.correction is None
+    assert record.is_on == accepts
+    assert tuple(axis.observed for axis in compensation) == accepts
+    assert (stage.correction is not None) is any(accepts)
     observers.restart()
     assert observers.failures() == []
 
@@ -76,12 +75,8 @@ def test_before_the_stage_is_enabled_there_is_nothing_to_forget(machine, compens
     assert observers.failures() == []
 
 
-def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(
-    machine, compensation, measured
-):
-    stage = Enabled(machine)
-    observers = Observers(machine, compensation, measured, simulated=True)
-    observers.attach(stage, Noted())
+def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(attach):
+    observers, stage, _ = attach()
     planned = np.zeros((40, 2))
     planned[:, 1] = np.nan
     stage.correction.begin(np.zeros((40, 2), np.int64), planned, [0, 0], False)
@@ -94,10 +89,8 @@ def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(
     assert observers.failures() == []
 
 
-def test_an_axis_that_is_out_since_an_earlier_run_goes_without(machine, compensation, measured):
-    stage, record = Enabled(machine), Noted()
-    out = {"y": "out since then"}
-    Observers(machine, compensation, measured, simulated=True, out=out).attach(stage, record)
+def test_an_axis_that_is_out_since_an_earlier_run_goes_without(attach):
+    _, _, record = attach(out={"y": "out since then"})
     assert record.is_on == (True, False)
     assert record.designs["y"] == "out since then"
 
@@ -117,8 +110,9 @@ def test_a_void_measurement_is_said_with_what_to_do(machine, compensation, measu
 
 def test_another_drive_is_said(machine, compensation, measured):
     """One that was measured as serial 5, in a stage whose drives state none."""
+    drive = Identity(vendor=1, product=2, revision=3, serial=5)
     axes = {
-        name: MeasuredAxis(Identity(1, 2, 3, 5), axis.settings, axis.response)
+        name: MeasuredAxis(drive, axis.settings, axis.response)
         for name, axis in measured.axes.items()
     }
     real = Measurement("2026-01-01T00:00:00+00:00", measured.machine, axes, "m.json")
