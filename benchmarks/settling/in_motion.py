@@ -25,6 +25,7 @@ from estimation.trajectory import Trajectory
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import TAKE_OVER, AxisCompensation, Mode
+from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
 
 FAR = 1e-3
 DEMAND = 0.5
@@ -37,13 +38,13 @@ def wrong_by(error: float, update: bool) -> Iterator[None]:
     revision_time = AxisCompensation.revision_time
     true: dict[int, dict[str, float]] = {}
 
-    def begin(self: AxisCompensation, trajectory: Trajectory, *rest: object) -> F64:
+    def begin(self: AxisCompensation, motion: AxisMotion, rest: AtRest) -> F64:
         friction = self.estimator.friction
         names = ("coulomb", "viscous", "stiffness")
         own = true.setdefault(id(self), {name: getattr(friction, name) for name in names})
-        if trajectory.duration >= TAKE_OVER:
+        if motion.trajectory.duration >= TAKE_OVER:
             self.estimator.believe({n: (v * (1.0 + error), abs(error) * v) for n, v in own.items()})
-        return force_offsets(self, trajectory, *rest)  # type: ignore[arg-type]
+        return force_offsets(self, motion, rest)
 
     def when(self: AxisCompensation, trajectory: Trajectory) -> float:
         return revision_time(self, trajectory) if update else math.inf

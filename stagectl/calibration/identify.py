@@ -61,7 +61,7 @@ def identify_axis(
             machine file has another friction law than gms.
     """
     axis, period = machine.axes[name], machine.bus.sync_period
-    friction = stated = axis.plant.friction.figures
+    friction = axis.plant.friction.figures
     if not friction.has("stiffness"):
         key = f"axes.{name}.plant.friction.model"
         raise UnusableInput(
@@ -72,7 +72,7 @@ def identify_axis(
     terms = known_terms(machine).get(name)
     if terms is not None:
         axis, friction = axis_as_known(axis, terms), known_figures(terms, friction)
-    number, peak = list(machine.axes).index(name), axis.drive.peak_force
+    number = list(machine.axes).index(name)
     pieces: list[tuple[Samples, F64]] = []
     offset = 0.0
     for recording in recordings:
@@ -84,7 +84,7 @@ def identify_axis(
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
         if terms is not None:
-            known = KnownAxis(terms, number, axis.plant.mass, stated, period, 0.0, 0.0, peak)
+            known = KnownAxis(terms, number, axis, period)
             new = [
                 _without_known(piece, known, _paths(recording, machine, piece[0].time - offset))
                 for piece in new

@@ -20,18 +20,16 @@ from rich.table import Column
 
 from stagectl.recipe import Excite, MoveStep, Recipe, plan_from
 from stagectl.sequencer import (
-    DriveLimited,
-    EffectLeft,
     Event,
     FrictionUpdated,
     LevelStepped,
+    Limitation,
     MarkNotFound,
     MoveStarted,
     ObserverFound,
     Retrying,
     SegmentDone,
     Settled,
-    StageRestless,
     Stopping,
     Waiting,
 )
@@ -130,7 +128,7 @@ class RunProgress:
 
     def _take(self, event: Event, now: float) -> None:
         match event:
-            case DriveLimited() | EffectLeft() | ObserverFound() | StageRestless():
+            case Limitation() | ObserverFound():
                 self._warn(event.text)
             case MoveStarted():
                 self._first_move = now if self._first_move is None else self._first_move

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -164,10 +165,8 @@ def _check_effects(request: RunRequest, mapped: bool) -> tuple[KnownEffect, ...]
 
 def _active_map(request: RunRequest) -> tuple[ActiveMap | None, float]:
     """The stage's active friction map, for a run that estimates friction; when the run starts."""
-    history: History | None = None
-    if request.history is not None:
-        history = open_existing(request.history)
-    try:
+    history = None if request.history is None else open_existing(request.history)
+    with nullcontext() if history is None else closing(history):
         started = start_time(history, request)
         if history is None or not request.host.use_map or request.host.mode is not Mode.ESTIMATED:
             return None, started
@@ -175,6 +174,3 @@ def _active_map(request: RunRequest) -> tuple[ActiveMap | None, float]:
 
         sites = request.recipe.sites
         return load_active(history, stage_key(request), request.machine, sites, started), started
-    finally:
-        if history is not None:
-            history.close()

@@ -6,7 +6,8 @@ operates the stage. The history gets the run once the drives have answered.
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 
 import can
@@ -14,6 +15,9 @@ import can
 from drivers.canopen import open_bus
 from drivers.errors import BusOpenError
 from drivers.settings import BusSettings
+from hil_sim.bus import FaultyWorld, InjectedFault, World
+from hil_sim.settings import StageSettings
+from hil_sim.stage import VirtualStage
 from stagectl.errors import UnusableInput
 from stagectl.history import open_history
 from stagectl.run.checks import Substitutes
@@ -22,7 +26,6 @@ from stagectl.run.listener import Listener
 from stagectl.run.prepare import file_earlier_runs, prepare
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.session import Session
-from stagectl.run.virtual_stage import virtual_stage
 from stagectl.store import recover_left_over
 
 
@@ -48,12 +51,12 @@ def execute(
 def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes | None) -> RunResult:
     if substitutes is None:
         file_earlier_runs(request, listener.phase)
-    ready = prepare(request, listener.phase, substitutes)
-    bus = ready.bus
+    found, compensation = prepare(request, listener.phase, substitutes)
+    bus = found.bus
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
     simulated = (
-        virtual_stage(request, ready.truth, bus, listener.switched_on)
+        virtual_stage(request, found.truth, bus, listener)
         if substitutes is None
         else nullcontext((bus, ()))
     )
@@ -61,7 +64,43 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
         listener.phase(f"opening {used}")
         with _open_bus(used, substitutes) as opened:
             _prepare_files(request, listener)
-            return Session(request, listener, ready, substitutes).run(used, opened, injected)
+            session = Session(request, listener, found, compensation, substitutes)
+            return session.run(used, opened, injected)
+
+
+@contextmanager
+def virtual_stage(
+    request: RunRequest, settings: StageSettings | None, bus: BusSettings, listener: Listener
+) -> Iterator[tuple[BusSettings, Sequence[InjectedFault]]]:
+    """Switch on the virtual stage, if there is one.
+
+    Args:
+        request: whose seed and faults it has.
+        settings: of the virtual stage; None for a real one.
+        bus: of the machine.
+        listener: called with the virtual stage and its world.
+
+    Yields:
+        The bus to open, and the faults injected so far.
+    """
+    if settings is None:
+        yield bus, ()
+        return
+    channel = f"run-{id(request)}"
+    simulated = request.simulated
+    assert simulated is not None  # noqa: S101 - its settings are given
+    stage = VirtualStage(settings, simulated.seed)
+    # The world is referenced here, for the registry of worlds does not keep it alive.
+    injected: Sequence[InjectedFault] = ()
+    if simulated.faults is None:
+        world = World(channel)
+        stage.attach(world)
+    else:
+        world = faulty = FaultyWorld(channel, simulated.faults)
+        faulty.power_on(stage)
+        injected = faulty.injected
+    listener.switched_on(stage, world)
+    yield replace(bus, interface="lockstep", channel=channel), injected
 
 
 def _open_bus(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import closing
 from pathlib import Path
 
 from stagectl.errors import RunFault
@@ -23,23 +23,12 @@ from stagectl.sequencer import AxisCompensation, make_compensation
 from stagectl.store import RECORDING_NAME
 
 
-@dataclass(frozen=True, slots=True)
-class Preparation(Checked):
-    """All that a run is made of, ready to open the bus.
-
-    Attributes:
-        compensation: of each axis.
-    """
-
-    compensation: tuple[AxisCompensation, ...]
-
-
 def prepare(
     request: RunRequest,
     announce: Callable[[str], object] = lambda _: None,
     substitutes: Substitutes | None = None,
-) -> Preparation:
-    """Check the request, then make what takes long.
+) -> tuple[Checked, tuple[AxisCompensation, ...]]:
+    """Check the request, then make what takes long: the compensation of each axis.
 
     Args:
         request: what to run.
@@ -53,10 +42,7 @@ def prepare(
     if found.active is not None:
         announce(f"friction map {found.active.version.number}")
     announce("preparing the estimator")
-    return Preparation(
-        found.bus, found.axes, found.truth, found.fiducial, found.thermometer, found.started,
-        found.active, found.effects, _make_compensation(request, found.active),
-    )  # fmt: skip
+    return found, _make_compensation(request, found.active)
 
 
 def file_earlier_runs(request: RunRequest, announce: Callable[[str], object]) -> None:
@@ -75,12 +61,9 @@ def file_earlier_runs(request: RunRequest, announce: Callable[[str], object]) ->
     if existing is None:
         return
     existing.close()
-    history = open_history(request.history, write=True)
-    try:
+    with closing(open_history(request.history, write=True)) as history:
         for line in file_unfiled_runs(history, stage_key(request)):
             announce(line)
-    finally:
-        history.close()
 
 
 def _make_compensation(

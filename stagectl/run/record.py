@@ -35,12 +35,12 @@ from stagectl.sequencer import (
     Event,
     FrictionUpdated,
     LevelStepped,
+    Limitation,
     MarkFound,
     MarkNotFound,
     ObserverFound,
     Retrying,
     SegmentDone,
-    StageRestless,
     StopNoticed,
 )
 from stagectl.store import (
@@ -137,25 +137,18 @@ class RunRecord:
         """Note the observer of each axis, or why it has none."""
         observers: dict[str, dict[str, Any]] = {}
         for (name, found), on in zip(designs.items(), is_on, strict=True):
-            if on and not isinstance(found, str):
-                figures = {"gain": found.gain, "time_constant": found.time_constant}
-                observers[name] = {"on": True, **figures}
+            if isinstance(found, str):
+                own: dict[str, Any] = {"reason": found}
+            elif on:
+                own = {"gain": found.gain, "time_constant": found.time_constant}
             else:
-                why = found if isinstance(found, str) else "the drive has no force offset (0x60B2)"
-                observers[name] = {"on": False, "reason": why}
+                own = {"reason": "the drive has no force offset (0x60B2)"}
+            observers[name] = {"on": "reason" not in own, **own}
         self.journal.event("observer", axes=observers)
-
-    def note_feedforward(self, learned: Mapping[str, Mapping[str, float]]) -> None:
-        """Note what each axis feeds forward besides the machine file's mass, lead and coupling."""
-        self.journal.event("feedforward", axes={name: dict(of) for name, of in learned.items()})
 
     def note_move(self, move: Move) -> None:
         """Note a move, before its first sample."""
         self._moves += 1
-        self.journal.move(move)
-
-    def note_interrupted_move(self, move: Move) -> None:
-        """Note where the last move really ended."""
         self.journal.move(move)
 
     def note_event(self, event: Event) -> None:
@@ -172,7 +165,7 @@ class RunRecord:
             case ObserverFound():
                 self.journal.event("observer_found", **asdict(event))
                 self.note_limitations([event.text])
-            case StageRestless(text=text):
+            case Limitation(text=text):
                 self.note_limitations([text])
             case SegmentDone(number=number, site=site):
                 self.done = number
@@ -196,11 +189,6 @@ class RunRecord:
                 count=entry.count,
                 first=entry.first_ns * 1e-9 if entry.count else None,
             )
-
-    def note_bus_log(self, digest: str | None) -> None:
-        """Note the digest of the bus log, by which the recording knows its own."""
-        if digest is not None:
-            self.journal.event("bus_log", digest=digest)
 
     def abandon(self) -> None:
         """After an unforeseen error: make a recording of the samples so far."""

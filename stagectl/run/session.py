@@ -18,20 +18,19 @@ from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
 from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.recipe import plan_from
-from stagectl.run.checks import Substitutes
+from stagectl.run.checks import Checked, Substitutes
 from stagectl.run.listener import Listener
 from stagectl.run.observer_findings import keep_out, read_out
 from stagectl.run.observers import Observers
-from stagectl.run.prepare import Preparation
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.retries import recover_stage
 from stagectl.sequencer import (
-    DriveLimited,
-    EffectLeft,
+    AxisCompensation,
     Engine,
     Event,
     FreshPlaces,
+    Limitation,
     Mode,
     MovingAxis,
     Places,
@@ -52,18 +51,19 @@ class Session:
         self,
         request: RunRequest,
         listener: Listener,
-        ready: Preparation,
+        found: Checked,
+        compensation: Sequence[AxisCompensation],
         substitutes: Substitutes | None,
     ) -> None:
-        self._request, self._listener, self._ready = request, listener, ready
-        self._substitutes, active = substitutes, ready.active
-        self._compensation = ready.compensation
+        self._request, self._listener, self._found = request, listener, found
+        self._substitutes, active = substitutes, found.active
+        self._compensation = compensation
         self._places = self._places_of(active)
         self._observers: Observers | None = None
         if request.host.observer:
             self._observers = Observers(
                 request.machine,
-                ready.compensation,
+                compensation,
                 request.host.measurement,
                 simulated=request.truth is not None or substitutes is not None,
                 out=self._out_since_before(),
@@ -74,7 +74,7 @@ class Session:
         self._over = False
         self._early_stop: str | None = None
         # Last: what takes time comes before there is a journal for a stop to leave behind.
-        self._record = RunRecord(request, ready.started, active, ready.effects)
+        self._record = RunRecord(request, found.started, active, found.effects)
         if active is not None:
             self._record.note_limitations(sites_outside(active.version, request.recipe.sites))
 
@@ -111,7 +111,8 @@ class Session:
             self._operate(bus, opened, log)
             self._record.note_injected_faults(injected)
         self._listener.phase("writing recording and report")
-        self._record.note_bus_log(log.digest)
+        if log.digest is not None:  # by which the recording knows its own log
+            self._record.journal.event("bus_log", digest=log.digest)
         return self._record.finish(self._error)
 
     def _operate(self, bus: BusSettings, opened: can.BusABC, log: BusLog) -> None:
@@ -120,15 +121,14 @@ class Session:
         try:
             self._name_effects_left()
             listener.stoppable(self._request_stop)
-            with Stage.open(bus, self._ready.axes, tap=log, bus_object=opened) as stage:
+            with Stage.open(bus, self._found.axes, tap=log, bus_object=opened) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
                 self._heed_early_stop()
                 record.start()
-                record.note_limitations(stage.limitations)
                 for text in stage.limitations:
-                    listener.event(DriveLimited(text))
+                    self._on_event(Limitation(text))
                 listener.phase("homing")
                 stage.home()
                 self._heed_early_stop()
@@ -140,7 +140,7 @@ class Session:
                     record.note_limitations(self._observers.without())
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(
-                    self._request.machine, stage, self._ready.thermometer
+                    self._request.machine, stage, self._found.thermometer
                 )
                 record.temperature.at(0.0)
                 begin = time.perf_counter()
@@ -154,7 +154,7 @@ class Session:
                         record.note_limitations(
                             (*self._observers.failures(), *self._observers.findings())
                         )
-                        record.note_feedforward(self._observers.learned())
+                        record.journal.event("feedforward", axes=self._observers.learned())
                         self._keep_out(self._observers)
                 listener.phase("disabling")
                 stage.disable()
@@ -178,8 +178,7 @@ class Session:
             return
         for effect in self._record.effects:
             if not effect.compensated:
-                self._record.note_limitations([effect.describe()])
-                self._listener.event(EffectLeft(effect.describe()))
+                self._on_event(Limitation(effect.describe()))
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
         """Run what is left of the recipe; repeat a segment after a fault that allows it."""
@@ -188,7 +187,7 @@ class Session:
         engine = self._engine = Engine(
             stage,
             self._moving_axes([axis.settings for axis in stage.axes]),
-            self._ready.fiducial,
+            self._found.fiducial,
             period,
             record.note_move,
             self._on_event,
@@ -216,7 +215,7 @@ class Session:
                     self._observers.restart()
                 interrupted = engine.restart(record.journal.samples)
                 if interrupted is not None:
-                    record.note_interrupted_move(interrupted)
+                    record.journal.move(interrupted)  # where it really ended
             finally:
                 stage.sink = None
 

@@ -1,17 +1,15 @@
 from .compensation.all_axes import make_compensation
 from .compensation.axis_compensation import TAKE_OVER, AxisCompensation
-from .compensation.fresh_places import FreshPlaces
 from .compensation.mode import Figures, Mode
 from .compensation.observed_offsets import ObservedOffsets
-from .compensation.places import Expectation, Places
+from .compensation.places import Expectation, FreshPlaces, Places
 from .engine import Engine
 from .events import (
-    DriveLimited,
-    EffectLeft,
     Event,
     Exposed,
     FrictionUpdated,
     LevelStepped,
+    Limitation,
     MarkFound,
     MarkNotFound,
     MoveStarted,
@@ -19,7 +17,6 @@ from .events import (
     Retrying,
     SegmentDone,
     Settled,
-    StageRestless,
     StopNoticed,
     Stopping,
     Waiting,
@@ -41,8 +38,6 @@ __all__ = [
     "TAKE_OVER",
     "WINDOWS",
     "AxisCompensation",
-    "DriveLimited",
-    "EffectLeft",
     "Engine",
     "Event",
     "Expectation",
@@ -51,6 +46,7 @@ __all__ = [
     "FreshPlaces",
     "FrictionUpdated",
     "LevelStepped",
+    "Limitation",
     "MarkFound",
     "MarkNotFound",
     "Mode",
@@ -65,7 +61,6 @@ __all__ = [
     "SegmentDone",
     "Settled",
     "SiteVerdict",
-    "StageRestless",
     "StopNoticed",
     "Stopping",
     "Waiting",

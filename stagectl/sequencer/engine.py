@@ -28,12 +28,12 @@ from stagectl.sequencer.events import (
     Event,
     Exposed,
     FrictionUpdated,
+    Limitation,
     MarkFound,
     MarkNotFound,
     MoveStarted,
     SegmentDone,
     Settled,
-    StageRestless,
     StopNoticed,
     Stopping,
     Waiting,
@@ -289,7 +289,7 @@ class Engine:
 
     def _tell_unrest(self, texts: Sequence[str]) -> None:
         for text in texts:
-            self._on_event(StageRestless(text))
+            self._on_event(Limitation(text))
 
     def _check_stop(self) -> None:
         if self.stop.is_asked():

@@ -8,15 +8,12 @@ from estimation.online import Estimate
 
 
 @dataclass(frozen=True, slots=True)
-class DriveLimited:
-    """A drive lacks an optional function; `text` says which, and what follows. Before power-on."""
+class Limitation:
+    """What the operator should know of the stage; `text` says it, and what follows or to do.
 
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class EffectLeft:
-    """The host does not compensate an effect of its machine file; `text` says why."""
+    A drive lacks an optional function, the host does not compensate an effect of its machine file,
+    or the stage oscillates or settles ever later.
+    """
 
     text: str
 
@@ -178,13 +175,6 @@ class LevelStepped:
 
 
 @dataclass(frozen=True, slots=True)
-class StageRestless:
-    """The stage oscillates, or settles ever later; `text` says what, and what to do."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class ObserverFound:
     """The watchdog of an observer has found something.
 
@@ -202,8 +192,7 @@ class ObserverFound:
 
 
 Event = (
-    DriveLimited
-    | EffectLeft
+    Limitation
     | MoveStarted
     | Waiting
     | Settled
@@ -216,6 +205,5 @@ Event = (
     | StopNoticed
     | LevelStepped
     | ObserverFound
-    | StageRestless
     | Stopping
 )

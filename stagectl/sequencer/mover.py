@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.sequencer.compensation import TAKE_OVER, AxisCompensation, Learned
+from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Places
-from stagectl.sequencer.samples.feedforward_data import courses
-from stagectl.sequencer.samples.move_data import prepare_move_data
+from stagectl.sequencer.samples.move_data import courses, prepare_move_data
 from stagectl.sequencer.streamer import StagePort, Streamer, Until
 from stagedata import Move, Samples
 
@@ -160,19 +160,11 @@ class Mover:
         self._short_motion = [m.duration < (1.0 - SHORT_MOTION) * duration for m in motion]
         self._streamer.begin_move()
         demand = _setpoints(motion, count, self._period)
-        self._friction.begin(target if place is None else place, motion, demand, self.time)
-        offset = self._force_offsets(motion, count)
-        names = [axis.name for axis in self._axes]
-        self.move = Move(
-            kind,
-            self.samples,
-            self.samples + count,
-            dict(zip(names, self.target.tolist(), strict=True)),
-            dict(zip(names, target, strict=True)),
-            site,
-        )
-        announce(self.move)
-        done = self._stream_and_revise(motion, demand, offset)
+        place = target if place is None else place
+        motions = self._friction.begin(place, motion, demand, self.time)
+        offset = self._force_offsets(motions)
+        announce(self._begin(kind, target, count, site))
+        done = self._stream_and_revise(motions, demand, offset)
         self._offset = offset[done - 1]
         if done < count:
             now = np.array([done * self._period])
@@ -195,9 +187,7 @@ class Mover:
         count = len(displacement)
         demand = np.tile(self.target, (count, 1))
         demand[:, axis] += displacement
-        at_rest = dict(zip((a.name for a in self._axes), self.target.tolist(), strict=True))
-        self.move = Move("other", self.samples, self.samples + count, at_rest, dict(at_rest))
-        announce(self.move)
+        announce(self._begin("other", self.target.tolist(), count, None))
         self._streamer.begin_move()
         self._is_long = False
         done = self._streamer.stream(demand, np.tile(self._offset, (count, 1)))
@@ -207,30 +197,29 @@ class Mover:
         self._decelerate(_last_state(path, self._period))
         return False
 
-    def _force_offsets(self, motion: Sequence[Trajectory], count: int) -> F64:
+    def _begin(self, kind: str, target: Sequence[float], count: int, site: int | None) -> Move:
+        names = [axis.name for axis in self._axes]
+        origin = dict(zip(names, self.target.tolist(), strict=True))
+        there = dict(zip(names, target, strict=True))
+        self.move = Move(kind, self.samples, self.samples + count, origin, there, site)
+        return self.move
+
+    def _force_offsets(self, motions: Sequence[AxisMotion]) -> F64:
         """Force offset of every setpoint [N], shape (count, n)."""
+        at_rest = np.column_stack((self.target, self._streamer.rest_force, self._offset)).tolist()
         return np.column_stack(
             [
-                axis.compensation.force_offsets(
-                    motion[a],
-                    count,
-                    self.time,
-                    float(self.target[a]),
-                    float(self._streamer.rest_force[a]),
-                    float(self._offset[a]),
-                    self._friction.along_demand(a),
-                    _across(motion, a),
-                )
-                for a, axis in enumerate(self._axes)
+                axis.compensation.force_offsets(motion, AtRest(self.time, *rest))
+                for axis, motion, rest in zip(self._axes, motions, at_rest, strict=True)
             ]
         )
 
-    def _stream_and_revise(self, motion: Sequence[Trajectory], demand: F64, offset: F64) -> int:
+    def _stream_and_revise(self, motions: Sequence[AxisMotion], demand: F64, offset: F64) -> int:
         """Stream a move; each axis may revise its column of `offset` on the way."""
         revisions: dict[int, list[int]] = {}
-        for a, (axis, m) in enumerate(zip(self._axes, motion, strict=True)):
-            when = axis.compensation.revision_time(m)
-            if when < m.duration:
+        for a, (axis, motion) in enumerate(zip(self._axes, motions, strict=True)):
+            when = axis.compensation.revision_time(motion.trajectory)
+            if when < motion.trajectory.duration:
                 revisions.setdefault(round(when / self._period), []).append(a)
         done = 0
         for row in sorted(revisions):
@@ -242,12 +231,7 @@ class Mover:
                 if np.count_nonzero(records[a].valid) < LEAST_VALID:
                     continue
                 revised = self._axes[a].compensation.revise_offsets(
-                    motion[a],
-                    offset[:, a],
-                    row,
-                    self._friction.leveled(a, records[a]),
-                    self._friction.along_demand(a),
-                    _across(motion, a),
+                    motions[a], offset[:, a], row, self._friction.leveled(a, records[a])
                 )
                 if revised is not None:
                     offset[:, a] = revised
@@ -361,11 +345,6 @@ def _last_state(path: F64, period: float) -> list[list[float]]:
     velocity = (path[-1] - path[-2]) / period
     acceleration = (path[-1] - 2.0 * path[-2] + path[-3]) / period**2
     return [list(map(float, state)) for state in zip(path[-1], velocity, acceleration, strict=True)]
-
-
-def _across(motion: Sequence[Trajectory], axis: int) -> Trajectory | None:
-    """Demand of the other axis of two."""
-    return motion[1 - axis] if len(motion) == 2 else None
 
 
 def _within(profile: Limits, limits: Limits) -> Limits:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stagedata import AxisSignals, Move, Recording, aligned_demand
+from stagedata import Recording, aligned_demand
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -170,65 +170,37 @@ def summarise_moves(
         end = recording.rest_end(number)
         for name, signals in recording.axes.items():
             if abs(move.distance(name)) >= RESOLUTION:
+                target = move.target[name]
+                arrived = arrival(signals.position_demand, target, move.start, end)
+                # An interrupted move has no arrival: its rest begins where the demand stopped.
+                rest = min(move.end, end) if arrived is None else arrived
+                position, valid = signals.position_actual, signals.valid
+                times = {
+                    window: settling(position, valid, target, rest, end, window, sync_period)
+                    for window in windows
+                }
                 results.append(
-                    _axis_result(
-                        number, move, name, signals, aligned[name], end, sync_period, windows
+                    MoveResult(
+                        move=number,
+                        site=move.site,
+                        axis=name,
+                        kind=move.kind,
+                        distance=abs(move.distance(name)),
+                        peak_error=peak_error(position, aligned[name], valid, move.start, rest),
+                        settling={window: seconds for window, (seconds, _) in times.items()},
+                        settled=times[min(windows)][1],
+                        completed=arrived is not None,
                     )
                 )
     return results
 
 
-def _axis_result(
-    number: int,
-    move: Move,
-    axis: str,
-    signals: AxisSignals,
-    aligned: FloatArray,
-    end: int,
-    period: float,
-    windows: Sequence[float],
-) -> MoveResult:
-    target = move.target[axis]
-    arrived = arrival(signals.position_demand, target, move.start, end)
-    # An interrupted move has no arrival: its rest begins where the demand stopped.
-    rest = min(move.end, end) if arrived is None else arrived
-    times = {
-        w: settling(signals.position_actual, signals.valid, target, rest, end, w, period)
-        for w in windows
-    }
-    return MoveResult(
-        move=number,
-        site=move.site,
-        axis=axis,
-        kind=move.kind,
-        distance=abs(move.distance(axis)),
-        peak_error=peak_error(signals.position_actual, aligned, signals.valid, move.start, rest),
-        settling={w: seconds for w, (seconds, _) in times.items()},
-        settled=times[min(windows)][1],
-        completed=arrived is not None,
-    )
-
-
-def statistics(
-    results: Iterable[MoveResult],
-    kind: str,
-    windows: Sequence[float] = WINDOWS,
-    axis: str | None = None,
-) -> MoveStatistics:
-    """Statistics over the completed moves of one kind.
-
-    Args:
-        results: of `summarise_moves`.
-        kind: "macro", "micro", ...
-        windows: half widths [m].
-        axis: only this one; None: all together.
-    """
-    chosen = [
-        r for r in results if r.kind == kind and r.completed and (axis is None or r.axis == axis)
-    ]
+def statistics(results: Iterable[MoveResult], kind: str) -> MoveStatistics:
+    """Statistics over the completed moves of one kind ("macro", "micro", ...), axes together."""
+    chosen = [r for r in results if r.kind == kind and r.completed]
     if not chosen:
         return MoveStatistics(0, None, {}, {}, {})
-    times = {w: np.array([r.settling[w] for r in chosen]) for w in windows}
+    times = {w: np.array([r.settling[w] for r in chosen]) for w in chosen[0].settling}
     peaks = [r.peak_error for r in chosen if np.isfinite(r.peak_error)]
     return MoveStatistics(
         count=len(chosen),

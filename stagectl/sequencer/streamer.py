@@ -1,4 +1,8 @@
-"""Streams setpoints to the stage, keeps what comes back, and watches the following error."""
+"""Streams setpoints to the stage, keeps what comes back, and watches the following error.
+
+A drive compares its position with the demand it has (0x6065, 0x6066). It cannot notice that the
+host's setpoints no longer reach it, or that its position no longer reaches the host: this can.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from stagectl.errors import RunFault
 from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
-from stagectl.sequencer.following_error import check_following_error
 from stagectl.sequencer.samples.sample_validity import mean_force, without_late
 from stagedata import Samples
 
 F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]
+
+FAULT_SAMPLES = 10
+"""Samples outside the window of the following error, within one block, that make a fault."""
 
 
 class StagePort(Protocol):
@@ -129,3 +136,27 @@ class Streamer:
             latest = Samples.concatenate([self._latest, samples])
         self._latest = latest.tail(REST_SAMPLES)
         return len(samples)
+
+
+def check_following_error(
+    samples: Samples, demand: F64, names: Sequence[str], windows: Sequence[float]
+) -> None:
+    """Compare position k with demand k - 1, where the drive was when it sampled.
+
+    Args:
+        samples: of one block of setpoints, shape (K, n).
+        demand: the setpoints [m], shape (K or more, n).
+        names: of the axes.
+        windows: largest following error of each axis [m].
+
+    Raises:
+        RunFault: an axis has left its window in FAULT_SAMPLES valid samples.
+    """
+    error = np.abs(samples.position[1:] - demand[: len(samples) - 1])
+    outside = (error > windows) & samples.valid[1:]
+    for a in np.flatnonzero(outside.sum(axis=0) >= FAULT_SAMPLES).tolist():
+        farthest = error[outside[:, a], a].max()
+        raise RunFault(
+            f"axis {names[a]}: 0x6064:00 position actual: {farthest * 1e3:.3g} mm from the "
+            f"demand (following_error: {windows[a] * 1e3:g} mm); do setpoints reach the drive?"
+        )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.sequencer import WINDOWS, MoveResult, MoveStatistics, statistics, summarise_moves
+from stagectl.sequencer import MoveResult, MoveStatistics, statistics, summarise_moves
 from stagectl.store.ledger import CycleLedger
 from stagedata import Recording
 
@@ -35,12 +35,12 @@ def summarise_samples(
         sync_period: Ts [s].
         ledger: punctuality; without it, missed TPDOs are counted from `valid`, and late is 0.
     """
-    results = summarise_moves(recording, control_period, sync_period, WINDOWS)
+    results = summarise_moves(recording, control_period, sync_period)
     missed = sum(int((~signals.valid).sum()) for signals in recording.axes.values())
     found: dict[str, Any] = {
         "moves": [_move(result) for result in results],
-        "micro": statistics_block(statistics(results, "micro", WINDOWS)),
-        "macro": statistics_block(statistics(results, "macro", WINDOWS)),
+        "micro": statistics_block(statistics(results, "micro")),
+        "macro": statistics_block(statistics(results, "macro")),
         "cycle": {
             "period": sync_period,
             "missed": missed if ledger is None else ledger.missed,

@@ -33,23 +33,6 @@ class Difference:
     sent: LoggedFrame | None
 
 
-class ReplayClock:
-    """Time of a replay, 0 at the first frame."""
-
-    __slots__ = ("_bus",)
-
-    def __init__(self, bus: ReplayBus) -> None:
-        self._bus = bus
-
-    def now_ns(self) -> int:
-        """The present time [ns]."""
-        return self._bus.now_ns
-
-    def sleep_until_ns(self, t: int) -> None:
-        """Advance to `t` [ns]."""
-        self._bus.wait_until(t)
-
-
 class _Window:
     """The frames that a replay still needs, read from the log as it proceeds.
 
@@ -109,8 +92,7 @@ class ReplayBus(can.BusABC):
         complete: whether the log lasts to the end of the run; not if it was killed.
 
     Attributes:
-        now_ns: time of the replay [ns].
-        clock: the same for the driver.
+        clock: for the driver: the bus itself.
         difference: the first one; None so far.
         compared: number of frames of the host that agreed.
     """
@@ -118,8 +100,8 @@ class ReplayBus(can.BusABC):
     def __init__(self, frames: Iterator[LoggedFrame], count: int, complete: bool) -> None:
         super().__init__(channel="replay")
         self.channel_info = "replay"
-        self.now_ns = 0
-        self.clock = ReplayClock(self)
+        self._now = 0
+        self.clock = self
         self.difference: Difference | None = None
         self.compared = 0
         self._frames = _Window(frames, count)
@@ -136,7 +118,7 @@ class ReplayBus(can.BusABC):
         """
         if self._over:
             raise can.CanOperationError("the replay is over")
-        mine = LoggedFrame(self.now_ns, True, msg.arbitration_id, bytes(msg.data))
+        mine = LoggedFrame(self._now, True, msg.arbitration_id, bytes(msg.data))
         at = self._sent
         if at >= len(self._frames):
             self._end(Difference(at + 1, None, mine) if self._complete else None)
@@ -157,26 +139,30 @@ class ReplayBus(can.BusABC):
         at = self._received
         if at < min(self._sent, len(self._frames)):
             frame = self._frames[at]
-            if frame.time_ns <= self.now_ns + wait:
-                self.now_ns = max(self.now_ns, frame.time_ns)
+            if frame.time_ns <= self._now + wait:
+                self._now = max(self._now, frame.time_ns)
                 if frame.failed:
                     self._fail()
                 self._received = self._next(at, sent=False)
                 self._frames.forget(min(self._sent, self._received))
                 return can.Message(
-                    timestamp=self.now_ns * 1e-9,
+                    timestamp=self._now * 1e-9,
                     arbitration_id=frame.can_id,
                     is_extended_id=frame.can_id > 0x7FF,
                     data=frame.data,
                 )
         elif at >= len(self._frames) and self._sent >= len(self._frames) and not self._complete:
             self._end(None)
-        self.now_ns += wait
+        self._now += wait
         return None
 
-    def wait_until(self, time_ns: int) -> None:
-        """Advance to this time [ns]."""
-        self.now_ns = max(self.now_ns, time_ns)
+    def now_ns(self) -> int:
+        """Time of the replay [ns], 0 at the first frame."""
+        return self._now
+
+    def sleep_until_ns(self, t: int) -> None:
+        """Advance to `t` [ns]."""
+        self._now = max(self._now, t)
 
     def finish(self) -> None:
         """The host has finished: anything left in the log is a difference.

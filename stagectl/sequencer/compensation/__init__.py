@@ -1,7 +1,7 @@
 """Force offsets of a move: `axis_compensation` makes them and learns from what came back.
 
-`all_axes` makes that of every axis of a machine, `mode` says what they consist of; `places` and
-`fresh_places` are the friction over the table, `known_axis` what the machine file's effects add,
+`all_axes` makes that of every axis of a machine, `mode` says what they consist of; `places` is the
+friction over the table, `known_axis` what the machine file's effects add,
 `path_friction` both along the move under way, `acceleration_force` what accelerates and what moves
 show of it, `observed_offsets` the correction from SYNC to SYNC.
 

@@ -1,11 +1,10 @@
 from .all_axes import compile_kernels, make_compensation
 from .axis_compensation import TAKE_OVER, AxisCompensation, Learned
-from .fresh_places import FreshPlaces
 from .known_axis import KnownAxis
 from .mode import Figures, Mode
 from .observed_offsets import ObservedOffsets
 from .path_friction import PathFriction
-from .places import Expectation, Places
+from .places import Expectation, FreshPlaces, Places
 
 __all__ = [
     "TAKE_OVER",

@@ -56,11 +56,6 @@ class AccelerationForce:
         """How much earlier than its effect a force is sent, besides the current loop's lag [s]."""
         return self._delay + float(self._learned.fed[LEAD])
 
-    @property
-    def learned(self) -> LearnedFeedforward:
-        """What moves have shown to be missing from the machine file's."""
-        return self._learned
-
     def figures(self) -> dict[str, float]:
         """What is fed forward besides the machine file's: share of the mass, lead [s], coupling."""
         mass, delay = self._file

@@ -11,9 +11,10 @@ from estimation.known_effects import known_figures
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config.machine import Axis, Machine
-from stagectl.config.settings.host_model import drive_loop
-from stagectl.config.settings.known_effects import known_terms
-from stagectl.sequencer.compensation.axis_compensation import AxisCompensation
+from stagectl.config.settings.host_model import drive_loop, estimator_settings
+from stagectl.config.settings.known_effects import axis_as_known, known_terms
+from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisCompensation, AxisMotion
+from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagectl.sequencer.compensation.mode import Figures, Mode
 from stagectl.sequencer.samples.move_data import prepare_move_data
 from stagedata import Samples
@@ -37,39 +38,32 @@ def make_compensation(
         scale: factor on the machine file's friction figures; those of `truth` are not scaled.
         truth: machine whose friction figures to use in mode ORACLE.
         known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
-        drift: axis -> drift as in `AxisCompensation`; None without a friction map.
+        drift: axis -> relative 1-sigma per move of the figures by name, where a friction map
+            accounts for the Coulomb force over the table; None without one.
         mapped: whether the Coulomb force over place and time has been or is being measured; effects
             that change it are then not compensated separately.
-        calibration: as in `AxisCompensation`.
+        calibration: whether the run measures friction at calibration sites.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
     terms = {} if mode is Mode.NONE else known_terms(machine, mapped)
     of_figures = terms if source is machine else known_terms(source)
+    period = machine.bus.sync_period
     made = []
     for number, (name, axis) in enumerate(machine.axes.items()):
         figures = source.axes[name].plant.friction.figures.scaled(scale)
         if name in of_figures:
             figures = known_figures(of_figures[name], figures)
-        made.append(
-            AxisCompensation(
-                axis,
-                figures,
-                mode,
-                machine.bus.sync_period,
-                None if drift is None else drift.get(name, {}),
-                terms.get(name),
-                number,
-                calibration,
-            )
-        )
-    if mode is Mode.ESTIMATED and known is not None:
-        for name, compensation in zip(machine.axes, made, strict=True):
-            if name in known:
-                compensation.estimator.believe(known[name])
-    for compensation in made:
-        if compensation.known is not None:
-            compensation.known.compile_kernels()
+        effects = None
+        if name in terms:
+            axis = axis_as_known(axis, terms[name])
+            effects = KnownAxis(terms[name], number, axis, period)
+            effects.compile_kernels()
+        own_drift = None if drift is None else drift.get(name, {})
+        settings = estimator_settings(axis, period, own_drift, calibration)
+        made.append(AxisCompensation(axis, figures, mode, period, settings, effects))
+        if mode is Mode.ESTIMATED and known is not None and name in known:
+            made[-1].estimator.believe(known[name])
     compile_kernels(machine, estimator=True)
     return tuple(made)
 
@@ -92,7 +86,8 @@ def compile_kernels(machine: Machine, estimator: bool) -> None:
 
 def _compile_kernels(axis: Axis, period: float, estimator: bool) -> None:
     """Run the compiled kernels once on a throw-away axis."""
-    compensation = AxisCompensation(axis, axis.plant.friction.figures, Mode.ESTIMATED, period)
+    figures, settings = axis.plant.friction.figures, estimator_settings(axis, period)
+    compensation = AxisCompensation(axis, figures, Mode.ESTIMATED, period, settings)
     limits = axis.limits
     motion = plan(
         0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
@@ -103,4 +98,5 @@ def _compile_kernels(axis: Axis, period: float, estimator: bool) -> None:
     for start in (0.0, 1.0, 2.0):
         if estimator:
             compensation.learn(MoveData(position, force, valid, start, 0.0))
-        force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
+        demand = AxisMotion(motion, None, samples)
+        force = compensation.force_offsets(demand, AtRest(0.0, 0.0, 0.0, 0.0))

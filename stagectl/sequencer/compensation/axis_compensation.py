@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,21 +27,14 @@ from estimation.friction import (
     level_with_target,
     state_after,
 )
-from estimation.known_effects import KnownTerms
 from estimation.low_speed_friction import LowSpeedFriction
 from estimation.move import MoveData
 from estimation.observer import Design
-from estimation.online import Estimate, SplitHorizonEstimator
+from estimation.online import Estimate, EstimatorSettings, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, modelled_friction, with_mean_force
 from estimation.trajectory import Trajectory
 from stagectl.config.machine import Axis
-from stagectl.config.settings.host_model import (
-    current_lag,
-    drive_loop,
-    estimator_settings,
-    kink_delay,
-)
-from stagectl.config.settings.known_effects import axis_as_known
+from stagectl.config.settings.host_model import current_lag, drive_loop, kink_delay
 from stagectl.sequencer.compensation.acceleration_force import AccelerationForce
 from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagectl.sequencer.compensation.mode import Mode
@@ -71,6 +64,34 @@ class Learned:
     local: float = 1.0
 
 
+@dataclass(frozen=True, slots=True)
+class AxisMotion:
+    """The demand of a move for one axis.
+
+    Attributes:
+        trajectory: of the axis; setpoint k = 1..samples is its point at k Ts.
+        across: of the other axis; None where there is none.
+        samples: number of setpoints.
+        variation: Coulomb force at each setpoint relative to that at the target, minus 1; None
+            where it is the same everywhere.
+    """
+
+    trajectory: Trajectory
+    across: Trajectory | None
+    samples: int
+    variation: F64 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """An axis at rest before a move: time [s], position [m], force measured and offset sent [N]."""
+
+    time: float
+    position: float
+    force: float
+    offset: float
+
+
 class AxisCompensation:
     """Force offsets and friction model of one axis.
 
@@ -81,21 +102,17 @@ class AxisCompensation:
     moves the departure along the measured path and ends it.
 
     Args:
-        axis: the host's model of it, from its machine file.
+        axis: the host's model of it, with what is known of it.
         friction: model to start from, with what is known of its figures.
         mode: what the offsets consist of.
         period: Ts [s].
-        drift: relative 1-sigma per move of the figures by name, where a friction map accounts for
-            the Coulomb force over the table; None without a map. See
-            `config.settings.host_model.estimator_settings`.
-        terms: effects that are known of the axis; None for none.
-        number: of the axis.
-        calibration: whether the run measures friction at calibration sites.
+        settings: of the estimator.
+        known: known effects along the moves; None for none.
 
     Attributes:
         mode: what the offsets consist of.
         estimator: of the friction figures, with the friction state.
-        known: known effects along the moves; None for none.
+        known: as above.
         observed: whether an observer moves the offsets towards what the integrator holds.
         sticking: whether friction has turned out to have no presliding.
     """
@@ -106,38 +123,23 @@ class AxisCompensation:
         friction: FrictionFigures,
         mode: Mode,
         period: float,
-        drift: Mapping[str, float] | None = None,
-        terms: KnownTerms | None = None,
-        number: int = 0,
-        calibration: bool = False,
+        settings: EstimatorSettings,
+        known: KnownAxis | None = None,
     ) -> None:
-        self.mode = mode
+        self.mode, self.known = mode, known
         self.observed = False
         self.sticking = Sticking()
-        if terms is not None:
-            axis = axis_as_known(axis, terms)
-        self.estimator = SplitHorizonEstimator(
-            friction,
-            estimator_settings(axis, period, drift, calibration),
-            frozen=mode is not Mode.ESTIMATED,
-        )
+        self.estimator = SplitHorizonEstimator(friction, settings, mode is not Mode.ESTIMATED)
         self._period = period
         drive = axis.drive
         self._loop = drive_loop(drive)
         self._lag = current_lag(drive)
-        delay = drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
+        delay = drive.control_period / 2.0 + (0.0 if known is None else known.terms.delay)
         self.acceleration = AccelerationForce(axis.plant.mass, delay, period)
         self.low_speed = LowSpeedFriction(friction.coulomb, period)
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state before a move to another Coulomb force, with forces as they are there.
         self._departure: FrictionState | None = None
-        self.known: KnownAxis | None = None
-        if terms is not None:
-            lead = period - drive.control_period
-            self.known = KnownAxis(
-                terms, number, axis.plant.mass, axis.plant.friction.figures,
-                period, lead, delay, drive.peak_force,
-            )  # fmt: skip
 
     def observe(self, design: Design, redesign: Callable[[Design], object]) -> None:
         """From now on an observer corrects the offsets.
@@ -165,60 +167,29 @@ class AxisCompensation:
         if self.mode is Mode.ESTIMATED:
             self.acceleration.learn_with(design)
 
-    def force_offsets(
-        self,
-        trajectory: Trajectory,
-        samples: int,
-        moment: float,
-        position: float,
-        rest_force: float,
-        rest_offset: float,
-        variation: F64 | None = None,
-        across: Trajectory | None = None,
-    ) -> F64:
-        """Force offsets of a move, one per setpoint [N], shape (samples,).
-
-        Args:
-            trajectory: of the demand; setpoint k = 1..samples is its point at k Ts.
-            samples: number of setpoints.
-            moment: time of the rest before the move [s].
-            position: at rest [m].
-            rest_force: force measured at rest [N].
-            rest_offset: force offset in effect at rest [N].
-            variation: Coulomb force at each setpoint relative to that at the target, minus 1;
-                None where it is the same everywhere.
-            across: demand of the other axis.
-        """
-        force = self._learned_force(trajectory, across, samples)
+    def force_offsets(self, motion: AxisMotion, rest: AtRest) -> F64:
+        """Force offsets of a move, one per setpoint [N], shape (samples,)."""
+        force = self._learned_force(motion)
         if self.mode is not Mode.NONE:
-            force = self._with_friction(force, trajectory, moment, position, rest_force, variation)
-        force = self._as_sent(force, trajectory)
-        if self.mode is not Mode.NONE and trajectory.duration >= TAKE_OVER and not self.observed:
-            share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
+            force = self._with_friction(force, motion, rest)
+        force = self._as_sent(force, motion)
+        duration = motion.trajectory.duration
+        if self.mode is not Mode.NONE and duration >= TAKE_OVER and not self.observed:
+            share = np.arange(1, motion.samples + 1) * (self._period / duration)
             share = np.clip(share, 0.0, 1.0)
-            force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
-        return rest_offset + force
+            force += (rest.force - rest.offset) * share**2 * (3.0 - 2.0 * share)
+        return rest.offset + force
 
-    def _with_friction(
-        self,
-        force: F64,
-        trajectory: Trajectory,
-        moment: float,
-        position: float,
-        rest_force: float,
-        variation: F64 | None,
-    ) -> F64:
-        """Force for the acceleration with friction and known effects, from the state at rest.
-
-        Arguments as of `force_offsets`.
-        """
-        known, samples, ahead = self.known, len(force), self.acceleration.ahead
-        held = rest_force if known is None else known.friction_at_rest(rest_force, position)
-        state = self.estimator.at_rest(position, held, moment)
-        friction = self.estimator.effective(moment + trajectory.duration / 2.0)
+    def _with_friction(self, force: F64, motion: AxisMotion, rest: AtRest) -> F64:
+        """Force for the acceleration with friction and known effects, from the state at rest."""
+        known, ahead = self.known, self.acceleration.ahead
+        trajectory, variation = motion.trajectory, motion.variation
+        held = rest.force if known is None else known.friction_at_rest(rest.force, rest.position)
+        state = self.estimator.at_rest(rest.position, held, rest.time)
+        friction = self.estimator.effective(rest.time + trajectory.duration / 2.0)
         departure = None if variation is None else self._state_at_departure(held)
         force += friction_feedforward(
-            friction, departure or state, trajectory, samples, self._period, ahead,
+            friction, departure or state, trajectory, motion.samples, self._period, ahead,
             variation=None if departure is None else variation,
         )  # fmt: skip
         return force if known is None else known.offsets(held, force)
@@ -229,13 +200,7 @@ class AxisCompensation:
         return REVISE_AT * trajectory.duration if revisable else math.inf
 
     def revise_offsets(
-        self,
-        trajectory: Trajectory,
-        offsets: F64,
-        sent: int,
-        move: MoveData,
-        variation: F64 | None = None,
-        across: Trajectory | None = None,
+        self, motion: AxisMotion, offsets: F64, sent: int, move: MoveData
     ) -> F64 | None:
         """Recompute the rest of a move's offsets where its samples contradict the model.
 
@@ -243,12 +208,10 @@ class AxisCompensation:
         already settles with the better model. The offset continues from the last one sent.
 
         Args:
-            trajectory: of the demand.
+            motion: the demand of the move.
             offsets: of the whole move as planned, shape (samples,) [N].
             sent: how many of them have been sent.
             move: samples so far, leveled with the target.
-            variation: as in `force_offsets`.
-            across: as in `force_offsets`.
 
         Returns:
             Offsets of the whole move, shape (samples,) [N]; None where the model holds.
@@ -259,8 +222,8 @@ class AxisCompensation:
         )
         if preview is None or abs(preview.change) < REVISE_FROM:
             return None
-        samples = len(offsets)
-        force, ahead = self._learned_force(trajectory, across, samples), self.acceleration.ahead
+        trajectory, variation, samples = motion.trajectory, motion.variation, motion.samples
+        force, ahead = self._learned_force(motion), self.acceleration.ahead
         force = force[sent:] - force[sent - 1]
         state = preview.state.copy()
         if variation is not None:
@@ -271,7 +234,7 @@ class AxisCompensation:
         if self.known is not None:
             now = self.acceleration.mass * trajectory.sample(np.array([sent * self._period]))[2]
             force = self.known.offsets(float(now[0]) + preview.state.total, force, sent)
-        force = self._as_sent(force, trajectory, sent)
+        force = self._as_sent(force, motion, sent)
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(
@@ -332,22 +295,18 @@ class AxisCompensation:
         if self.known is not None:
             self.known.forget()
 
-    def begin_known(
-        self, motion: Trajectory, across: Trajectory | None, demand: F64, moment: float
-    ) -> None:
+    def begin_known(self, motion: AxisMotion, demand: F64, moment: float) -> None:
         """Predict known effects along the coming move, if there are any.
 
         Args:
-            motion: demand of this axis.
-            across: demand of the other axis.
+            motion: demand of the move.
             demand: setpoints of all axes [m], shape (K, n).
             moment: time of the rest before the move [s].
         """
         known = self.known
         if known is None:
             return
-        known.ahead = self.acceleration.ahead
-        known.plan(motion, across, len(demand))
+        known.plan(motion.trajectory, motion.across, motion.samples, self.acceleration.ahead)
         if known.terms.has_coulomb_factor:
             before, local = known.local, known.meet_coulomb(demand, moment)
             if known.varies and self._departure is None:
@@ -421,18 +380,16 @@ class AxisCompensation:
             forces += (rest_force - self._departure.total) / len(forces)
         return self._departure
 
-    def _learned_force(
-        self, trajectory: Trajectory, across: Trajectory | None, samples: int
-    ) -> F64:
+    def _learned_force(self, motion: AxisMotion) -> F64:
         """Force for the acceleration, and for friction at low speed, at each setpoint [N]."""
-        force = self.acceleration.along(trajectory, across, samples)
+        samples, ahead = motion.samples, self.acceleration.ahead
+        force = self.acceleration.along(motion.trajectory, motion.across, samples)
         if self.low_speed.level:
-            ahead = self.acceleration.ahead
             time = np.asarray(np.arange(1, samples + 1) * self._period + ahead, np.float64)
-            force = force + self.low_speed.force(trajectory.sample(time)[1])
+            force = force + self.low_speed.force(motion.trajectory.sample(time)[1])
         return force
 
-    def _as_sent(self, force: F64, trajectory: Trajectory, sent: int = 0) -> F64:
+    def _as_sent(self, force: F64, motion: AxisMotion, sent: int = 0) -> F64:
         """Change of the force offset since setpoint `sent` that brings about that of a force [N].
 
         Against the current loop's lag, and without what the position loop adds by itself.
@@ -440,7 +397,7 @@ class AxisCompensation:
         force = against_lag(force, self._lag, self._period, moving=sent > 0)
         if self._loop is None:
             return force
-        added = chord_force(self._loop, trajectory, sent + len(force), self._period)
+        added = chord_force(self._loop, motion.trajectory, sent + len(force), self._period)
         force -= added[sent:]
         if sent:
             force += added[sent - 1]

@@ -24,7 +24,7 @@ from estimation.known_effects import (
 )
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
-from stagedata import FrictionFigures
+from stagectl.config.machine import Axis
 
 SAMPLES_BEFORE_MOVE = 2
 """Samples at rest at the start of a move's record; they end the record before it, too."""
@@ -41,35 +41,24 @@ class KnownAxis:
     Args:
         terms: what is known.
         number: of the axis, in arrays of positions.
-        mass: moved, with what is known of it [kg].
-        friction: figures of the machine file.
+        axis: with what is known of it.
         period: Ts [s].
-        lead: from the last sample before a move to the demand's time 0 [s].
-        ahead: how much earlier than its effect a force is to be sent [s].
-        peak: largest force of the drive [N].
 
     Attributes:
         terms: as above.
-        ahead, peak: as above.
+        peak: largest force of the drive [N].
         local: factor on Fc where the last move ends, mean of both directions.
         varies: whether the factor differs along that move, or between its directions.
     """
 
-    def __init__(
-        self,
-        terms: KnownTerms,
-        number: int,
-        mass: float,
-        friction: FrictionFigures,
-        period: float,
-        lead: float,
-        ahead: float,
-        peak: float,
-    ) -> None:
-        self.terms = terms
+    def __init__(self, terms: KnownTerms, number: int, axis: Axis, period: float) -> None:
+        self.terms, self.peak = terms, axis.drive.peak_force
         self._own, self._other = number, -1 - number
-        self._forces = KnownForces(terms, mass, friction, period)
-        self._period, self._lead, self.ahead, self.peak = period, lead, ahead, peak
+        plant = axis.plant
+        self._forces = KnownForces(terms, plant.mass, plant.friction.figures, period)
+        self._period = period
+        # From the last sample before a move to the demand's time 0.
+        self._lead = period - axis.drive.control_period
         self.local = 1.0
         self.varies = False
         self.forget()
@@ -89,21 +78,24 @@ class KnownAxis:
         self._forces.along(self._path(path), self._forces.at_start())
         directions(path[:, 0])
 
-    def plan(self, motion: Trajectory, across: Trajectory | None, samples: int) -> None:
+    def plan(
+        self, motion: Trajectory, across: Trajectory | None, samples: int, ahead: float
+    ) -> None:
         """Predict the known forces of a move.
 
         Args:
             motion: demand of this axis.
             across: demand of the other axis.
             samples: number of setpoints.
+            ahead: how much earlier than its effect a force is sent [s].
         """
-        time = np.asarray(np.arange(samples + 1) * self._period + self.ahead, np.float64)
+        time = np.asarray(np.arange(samples + 1) * self._period + ahead, np.float64)
         time[0] = 0.0  # at rest, whatever the drive's lag
         position, velocity, acceleration = motion.sample(time)
         other = np.zeros(samples + 1) if across is None else across.sample(time)[2]
         acceleration[0] = other[0] = 0.0
         state = self._now.copy()
-        self._forces.rest(state, max(self._lead + self.ahead - self._period, 0.0))
+        self._forces.rest(state, max(self._lead + ahead - self._period, 0.0))
         self._demanded = position
         self._planned = self._forces.along(Path(position, velocity, acceleration, other), state)
         self._held = state

@@ -10,13 +10,14 @@ it. Without either, or where a move stays at its place, nothing here has any eff
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
-from stagectl.sequencer.compensation.axis_compensation import AxisCompensation, Learned
+from stagectl.sequencer.compensation.axis_compensation import AxisCompensation, AxisMotion, Learned
 from stagectl.sequencer.compensation.places import Places
 
 F64 = NDArray[np.float64]
@@ -40,12 +41,11 @@ class PathFriction:
         self.varies = False
         self._compensation, self._places, self._period = tuple(compensation), places, period
         self._path: F64 = np.zeros((0, len(self._compensation)))
-        self._demanded: list[F64 | None] = []
         self._measured: list[F64 | None] = []
 
     def begin(
         self, place: Sequence[float], motion: Sequence[Trajectory], demand: F64, time: float
-    ) -> None:
+    ) -> list[AxisMotion]:
         """Give every axis the friction expected where a move goes, and predict known effects.
 
         Args:
@@ -53,17 +53,22 @@ class PathFriction:
             motion: demand of every axis.
             demand: setpoints of the move [m], shape (K, n).
             time: of the stage [s].
+
+        Returns:
+            The demand of each axis, with the variation of its Coulomb force.
         """
         expected = None if self._places is None else self._places.expected_at(place, time)
         self.varies = expected is not None
         for compensation, friction in zip(self._compensation, expected or (), strict=False):
             if friction is not None:
                 compensation.expect_at_target(friction.coulomb, friction.sigma, friction.level)
-        for a, compensation in enumerate(self._compensation):
+        across = motion[::-1] if len(motion) == 2 else [None] * len(motion)
+        demanded = [AxisMotion(*both, len(demand)) for both in zip(motion, across, strict=True)]
+        for compensation, own in zip(self._compensation, demanded, strict=True):
             if compensation.known is not None:
-                across = motion[1 - a] if len(motion) == 2 else None
-                compensation.begin_known(motion[a], across, demand, time)
-        self._demanded = self._variation(demand, time)
+                compensation.begin_known(own, demand, time)
+        varied = zip(demanded, self._variation(demand, time), strict=True)
+        return [replace(own, variation=variation) for own, variation in varied]
 
     def measure(self, records: Sequence[MoveData], path: F64) -> list[MoveData]:
         """Note the positions of the move so far [m], shape (M, n).
@@ -79,10 +84,6 @@ class PathFriction:
                 seen = records[1 - a].valid if len(records) == 2 else records[a].valid
                 bare[a] = compensation.known.without(records[a], path, seen)
         return bare
-
-    def along_demand(self, axis: int) -> F64 | None:
-        """Fc at every setpoint relative to that at the target, minus 1, shape (K,), or None."""
-        return self._demanded[axis]
 
     def leveled(self, axis: int, record: MoveData) -> MoveData:
         """The record of an axis as if the Coulomb force were that of the target all the way."""

@@ -1,25 +1,32 @@
-"""From the samples of a move to what the estimator takes: one clean, evenly spaced record per axis.
+"""From the samples of a move to what is learned from: one clean, evenly spaced record per axis.
 
 Stale and unpunctual samples are marked invalid, skipped SYNC periods become gaps, samples of early
 or late SYNCs are interpolated to the grid, and samples whose force says nothing about friction are
-masked.
+masked. The feedforward learns from courses: demand, position and correction of each axis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from estimation.move import MoveData
+from estimation.observer import Course
 from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers
 from stagectl.sequencer.samples.sample_validity import (
     F64,
     bridged,
     filled_to_grid,
+    is_gapless,
     resampled_to_grid,
     without_stale,
     without_unpunctual,
 )
 from stagedata import Samples
+
+LEAST_SOUND = 0.9
+"""With fewer valid samples than this share, there are no courses."""
 
 
 def prepare_move_data(
@@ -54,3 +61,29 @@ def prepare_move_data(
         for a in range(data.axes)
     ]
     return records, bridged(data.position, data)
+
+
+def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
+    """One for each axis; none where SYNC periods were skipped or too many samples are invalid.
+
+    Args:
+        samples: of the move and the rest after it.
+        planned: force offsets before their correction [N], shape (K, n).
+        period: Ts [s].
+    """
+    sound = np.count_nonzero(samples.valid)
+    if not is_gapless(samples, period) or sound < LEAST_SOUND * samples.valid.size:
+        return []
+    demand, position = samples.position_demand, bridged(samples.position, samples)
+    correction = samples.force_offset - planned
+    force = bridged(samples.force, samples)
+    return [
+        Course(
+            demand[:, a],
+            position[:, a],
+            correction[:, a],
+            demand[:, 1 - a] if samples.axes == 2 else np.zeros(len(demand)),
+            force[:, a],
+        )
+        for a in range(samples.axes)
+    ]

@@ -1,7 +1,5 @@
 """Whole runs on the virtual stage, and data of another program."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 import pytest
 
@@ -10,9 +8,9 @@ from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
 from stagectl.importing import load_map
 from stagectl.recipe import parse_recipe
-from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
+from stagectl.run import HostSettings, Listener, SimulatedStage, execute
 from tests.unit.stagectl.logged_data import EXAMPLE
-from tests.unit.stagectl.run.whole import SITES
+from tests.unit.stagectl.run.whole import SITES, request_for
 
 
 @pytest.fixture(scope="session")
@@ -47,14 +45,12 @@ def go(machine, tmp_path):
     """Run a recipe on the virtual stage."""
 
     def run(recipe, folder, *, faults=(), listener=None, scale=1.0, measurement=None, **options):
-        request = RunRequest(
-            recipe,
+        plan = f.FaultPlan(tuple(faults), 1) if faults else None
+        request = request_for(
             machine,
             tmp_path / folder,
-            datetime.now(UTC),
-            simulated=SimulatedStage(
-                machine, faults=f.FaultPlan(tuple(faults), 1) if faults else None
-            ),
+            recipe=recipe,
+            simulated=SimulatedStage(machine, faults=plan),
             host=HostSettings(friction_scale=scale, measurement=measurement),
             **options,
         )

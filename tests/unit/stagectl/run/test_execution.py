@@ -1,28 +1,24 @@
 """What a run makes, and what it leaves alone where it cannot begin."""
 
-from datetime import UTC, datetime
-
+import can
 import pytest
 
+from drivers.canopen import open_bus
+from hil_sim.bus import faults as f
+from stagectl.config import driver_settings, stage_settings
 from stagectl.errors import UnusableInput
-from stagectl.recipe import parse_recipe
-from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
+from stagectl.run import HostSettings, Listener, SimulatedStage, execute
+from stagectl.run.execution import virtual_stage
 from stagectl.sequencer import Mode
 from stagectl.store import Journal, JournalHeader, read_recording
-from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 from tests.unit.stagectl.store.journals import HEADER, sample
 
 
 @pytest.fixture
 def request_of(machine, tmp_path):
-    def make(**changes):
-        recipe = parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine)
-        given = {
-            "recipe": recipe, "machine": machine, "folder": tmp_path / "run",
-            "started": datetime.now(UTC), "simulated": SimulatedStage(machine),
-            "host": HostSettings(Mode.NONE),
-        }  # fmt: skip
-        return RunRequest(**{**given, **changes})
+    def make(folder=tmp_path / "run", **changes):
+        return request_for(machine, folder, **{"host": HostSettings(Mode.NONE), **changes})
 
     return make
 
@@ -69,3 +65,58 @@ def test_the_history_is_made_with_the_run(request_of, tmp_path):
     where = tmp_path / "stage.db"
     assert execute(request_of(history=str(where)), Listener()).unwritten is None
     assert where.exists()
+
+
+@pytest.fixture
+def bus(machine):
+    return driver_settings(machine)[0]
+
+
+def test_a_real_stage_is_left_alone(request_of, bus):
+    switched = []
+    with virtual_stage(
+        request_of(), None, bus, Listener(switched_on=lambda *both: switched.append(both))
+    ) as found:
+        assert found == (bus, ())
+    assert switched == []
+
+
+def test_the_virtual_drives_answer_on_the_bus_to_open(request_of, machine, bus):
+    switched = []
+    settings = stage_settings(machine)
+    with virtual_stage(
+        request_of(), settings, bus, Listener(switched_on=lambda *both: switched.append(both))
+    ) as (
+        used,
+        injected,
+    ):
+        ((stage, _),) = switched
+        assert [drive.node_id for drive in stage.drives] == [
+            axis.node for axis in machine.axes.values()
+        ]
+        assert (used.interface, used.sync_period) == ("lockstep", bus.sync_period)
+        assert injected == ()
+        with open_bus(used) as opened:
+            boot_up = opened.recv(1.0)
+            assert boot_up is not None
+            assert boot_up.arbitration_id in (0x701, 0x702)
+
+
+def test_two_runs_at_once_have_buses_of_their_own(request_of, machine, bus):
+    settings = stage_settings(machine)
+    with (
+        virtual_stage(request_of(), settings, bus, Listener()) as (one, _),
+        virtual_stage(request_of(), settings, bus, Listener()) as (other, _),
+    ):
+        assert one.channel != other.channel
+
+
+def test_faults_are_listed_as_they_are_injected(request_of, machine, bus):
+    lost = f.Drop(f.Frames(frozenset({0x80}), "host"))
+    request = request_of(simulated=SimulatedStage(machine, faults=f.FaultPlan((lost,), 1)))
+    with virtual_stage(request, stage_settings(machine), bus, Listener()) as (used, injected):
+        assert [(entry.fault, entry.count) for entry in injected] == [(lost, 0)]
+        with open_bus(used) as opened:
+            for _ in range(3):
+                opened.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+        assert [entry.count for entry in injected] == [3]

@@ -1,36 +1,25 @@
 """What a run is made of: figures to start from, and earlier runs that the history lacks."""
 
-from datetime import UTC, datetime
-
 import pytest
 
 from stagectl.history import StageKey, open_history
-from stagectl.recipe import parse_recipe
-from stagectl.run import HostSettings, Listener, Resumed, RunRequest, SimulatedStage, execute
+from stagectl.run import HostSettings, Listener, Resumed, execute
 from stagectl.run.prepare import file_earlier_runs, prepare
-from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 
 
 @pytest.fixture
 def request_of(machine, tmp_path):
-    recipe = parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine)
-
     def make(folder="run", friction_scale=1.0, **given):
-        return RunRequest(
-            recipe,
-            machine,
-            tmp_path / folder,
-            datetime.now(UTC),
-            simulated=SimulatedStage(machine),
-            host=HostSettings(friction_scale=friction_scale),
-            **given,
-        )
+        host = HostSettings(friction_scale=friction_scale)
+        return request_for(machine, tmp_path / folder, host=host, **given)
 
     return make
 
 
 def coulomb(request):
-    return [axis.estimator.friction.coulomb for axis in prepare(request).compensation]
+    _, compensation = prepare(request)
+    return [axis.estimator.friction.coulomb for axis in compensation]
 
 
 def test_a_run_starts_from_the_machine_file_scaled(request_of, machine):

@@ -1,30 +1,25 @@
 """What a run's record writes down, and what it makes of its journal in the end."""
 
 import math
-from datetime import UTC, datetime
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe import parse_recipe
-from stagectl.run import RunRequest, SimulatedStage
 from stagectl.run.record import RunRecord
 from stagectl.sequencer import FrictionUpdated, Retrying, SegmentDone
 from stagectl.store import read_journal_notes, read_notes
 from stagedata import FrictionFigures
 from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 
 FIGURES = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 
 
 @pytest.fixture
 def request_(machine, tmp_path):
-    recipe = parse_recipe(short_recipe((0.01, 0.0), (0.02, 0.0)), "r.yaml", machine)
-    folder = tmp_path / "run"
-    folder.mkdir()
-    return RunRequest(recipe, machine, folder, datetime.now(UTC), simulated=SimulatedStage(machine))
+    return request_for(machine, tmp_path, short_recipe((0.01, 0.0), (0.02, 0.0)))
 
 
 @pytest.fixture
@@ -117,12 +112,6 @@ def test_a_run_that_never_moved_has_a_summary_and_no_recording(
     assert not record.journal.path.exists()
 
 
-def samples(record, count):
-    zero = (0, 0, 0, -1, *(0, 0, 0, 0, 0x1237, 1, 200_000, 0) * 2)
-    for k in range(count):
-        record.journal.sink((k * 1_000_000, *zero[1:]))
-
-
 def test_the_first_move_after_an_accepted_estimate_is_told_from_those_before(record):
     record.note_event(update(accepted=False))
     record._moves = 3  # noqa: SLF001 (moves noted so far)
@@ -134,7 +123,8 @@ def test_the_first_move_after_an_accepted_estimate_is_told_from_those_before(rec
 
 def test_an_unforeseen_error_keeps_the_samples(record, request_):
     record.start()
-    samples(record, 12)
+    for k in range(12):
+        record.journal.sink((k * 1_000_000, 0, 0, -1, *(0, 0, 0, 0, 0x1237, 1, 200_000, 0) * 2))
     record.abandon()
     notes = read_notes(request_.folder / "recording.h5")
     assert (notes.outcome, notes.fault) == ("fault", "internal error")

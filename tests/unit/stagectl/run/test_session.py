@@ -1,7 +1,6 @@
 """The stage from boot to disabling, however a run ends."""
 
 from contextlib import suppress
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -9,12 +8,10 @@ import pytest
 from hil_sim.cia402 import State
 from stagectl.config.machine import Effect
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe import parse_recipe
-from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
-from stagectl.sequencer import DriveLimited, EffectLeft, Mode, MoveStarted
+from stagectl.run import HostSettings, Listener, execute
+from stagectl.sequencer import Limitation, Mode, MoveStarted
 from stagectl.store import read_notes, read_recording
-from tests.short_recipe import short_recipe
-from tests.unit.stagectl.run.whole import OVER_CURRENT, failing_at
+from tests.unit.stagectl.run.whole import OVER_CURRENT, failing_at, request_for
 
 
 @pytest.mark.parametrize("during", ["booting the drives", "homing", "enabling the drives"])
@@ -28,14 +25,7 @@ def test_a_stop_that_a_finalizer_swallows_is_not_lost(machine, tmp_path, during)
             with suppress(KeyboardInterrupt):
                 stops[0]("stopped by the operator (Ctrl-C)")
 
-    request = RunRequest(
-        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine),
-        machine,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        host=HostSettings(mode=Mode.NONE),
-    )
+    request = request_for(machine, tmp_path / "run", host=HostSettings(mode=Mode.NONE))
     result = execute(request, Listener(phase=phase, stoppable=stops.append))
     assert isinstance(result.error, Aborted)
     assert "Ctrl-C" in str(result.error)
@@ -53,14 +43,8 @@ class InterruptedDesign:
 
 
 def test_a_stop_while_observers_are_designed_leaves_no_journal(machine, tmp_path):
-    request = RunRequest(
-        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine),
-        machine,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        host=HostSettings(measurement=InterruptedDesign()),
-    )
+    host = HostSettings(measurement=InterruptedDesign())
+    request = request_for(machine, tmp_path / "run", host=host)
     with pytest.raises(KeyboardInterrupt):
         execute(request, Listener())
     assert list((tmp_path / "run").iterdir()) == []
@@ -127,16 +111,8 @@ def test_effects_that_are_not_compensated_are_named_where_anything_is(machine, t
     )
     host = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
     events = []
-    request = RunRequest(
-        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", host),
-        host,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(host),
-        host=HostSettings(mode=mode),
-    )
+    request = request_for(host, tmp_path / "run", host=HostSettings(mode=mode))
     result = execute(request, Listener(event=events.append))
-    left = [e.text for e in events if isinstance(e, EffectLeft)]
+    left = [e.text for e in events if isinstance(e, Limitation)]
     assert len(left) == (mode is Mode.ESTIMATED)
     assert all("floor_vibration" in text and text in result.notices for text in left)
-    assert not any(isinstance(e, DriveLimited) for e in events)

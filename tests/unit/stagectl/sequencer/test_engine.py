@@ -1,5 +1,6 @@
 """The engine on a plant without a bus: order of steps, settling, stops, missing marks."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -94,7 +95,7 @@ class Marks:
         return self.offset
 
 
-def make(mode=Mode.ESTIMATED, marks=None, timeout_events=None):
+def make(mode=Mode.ESTIMATED, marks=None):
     machine = load_machine()
     stage = BareStage()
     compensation = make_compensation(machine, mode)
@@ -171,19 +172,21 @@ def test_settles_as_soon_as_the_window_is_held():
     assert min(e.duration for e in settled) >= 0.005 - 1e-12
 
 
-def test_a_timeout_continues_stops_or_retries_as_the_recipe_says():
-    never = Settle(1e-10, 0.05, 0.03, "continue")
+@pytest.mark.parametrize(
+    ("on_timeout", "waits", "fault"),
+    [
+        ("continue", 1, None),
+        ("stop", 1, "site 1: macro-move did not settle"),
+        ("retry", 4, "within 120 ms .*retry"),
+    ],
+)
+def test_a_timeout_continues_stops_or_retries_as_the_recipe_says(on_timeout, waits, fault):
     engine, _, _, events = make(Mode.NONE)
-    engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), never])
-    assert [e.settled for e in events if isinstance(e, Settled)] == [False]
-    engine, _, _, events = make(Mode.NONE)
-    with pytest.raises(RunFault, match="site 1: macro-move did not settle"):
-        engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), Settle(1e-10, 0.05, 0.03, "stop")])
-    assert isinstance(events[-1], Stopping)
-    engine, _, _, events = make(Mode.NONE)
-    with pytest.raises(RunFault, match="retry"):
-        engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), Settle(1e-10, 0.05, 0.03, "retry")])
-    assert sum(isinstance(e, Settled) for e in events) == 4
+    steps = [MoveStep(1, "macro", (0.01, 0.0), MACRO), Settle(1e-10, 0.05, 0.03, on_timeout)]
+    with nullcontext() if fault is None else pytest.raises(RunFault, match=fault):
+        engine.run(steps)
+    assert [e.settled for e in events if isinstance(e, Settled)] == [False] * waits
+    assert isinstance(events[-1], Stopping) == (fault is not None)
 
 
 def test_without_a_mark_there_is_no_micro_move():

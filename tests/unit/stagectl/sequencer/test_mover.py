@@ -21,9 +21,9 @@ class Notes:
         self.moves, self.moments, self.asked = [], [], []
         self.revise_at = revise_at
 
-    def force_offsets(self, trajectory, samples, moment, position, rest_force, rest_offset, *_):
-        self.moments.append((moment, rest_force))
-        return np.zeros(samples)
+    def force_offsets(self, motion, rest):
+        self.moments.append((rest.time, rest.force))
+        return np.zeros(motion.samples)
 
     def learn(self, move):
         self.moves.append(move)
@@ -31,7 +31,7 @@ class Notes:
     def revision_time(self, trajectory):
         return self.revise_at
 
-    def revise_offsets(self, trajectory, offsets, sent, move, *_):
+    def revise_offsets(self, motion, offsets, sent, move):
         self.asked.append((sent, move))
         revised = offsets.copy()
         revised[sent:] = 7.0

@@ -143,13 +143,12 @@ def test_statistics_over_axes_and_moves():
         return MoveResult(0, 1, axis, "micro", 1e-5, peak, {5e-8: seconds}, True, True)
 
     results = [result("x", s / 1000, s * 1e-9) for s in range(10)] + [result("y", 0.1, 1e-6)]
-    both = statistics(results, "micro", (5e-8,))
+    both = statistics(results, "micro")
     assert both.count == 11
     assert both.settling_median[5e-8] == pytest.approx(0.005)
     assert both.settling_mean[5e-8] == pytest.approx(0.145 / 11)
     assert both.settling_p90[5e-8] == pytest.approx(0.009)
     assert both.peak_error_median == pytest.approx(5e-9)
-    assert statistics(results, "micro", (5e-8,), axis="y").settling_median == {5e-8: 0.1}
     assert statistics(results, "macro").peak_error_median is None
 
 

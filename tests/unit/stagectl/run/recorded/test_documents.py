@@ -1,40 +1,29 @@
 """Summary and report made again from a recording."""
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 
 import h5py
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.recipe import parse_recipe
 from stagectl.run import (
     HostSettings,
     Listener,
-    RunRequest,
-    SimulatedStage,
     document_paths,
     execute,
     is_calibration,
     rewrite_documents,
 )
 from stagectl.sequencer import Mode
-from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 
 
 @pytest.fixture
 def made(machine, tmp_path):
     """The recording of a run of one site."""
-    request = RunRequest(
-        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine),
-        machine,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        host=HostSettings(mode=Mode.NONE),
-    )
-    execute(request, Listener())
+    host = HostSettings(mode=Mode.NONE)
+    execute(request_for(machine, tmp_path / "run", host=host), Listener())
     return tmp_path / "run" / "recording.h5"
 
 

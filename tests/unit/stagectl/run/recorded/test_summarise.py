@@ -2,18 +2,17 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, SimulatedStage, execute
+from stagectl.run import Listener, execute
 from stagectl.run.recorded.documents import read_run
 from stagectl.run.recorded.summarise import run_note, site_verdicts, summarise
 from stagectl.sequencer import SegmentDone, SiteVerdict
 from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 
 PLACES = ((0.004, 0.0), (0.008, 0.0), (0.004, 0.004))
 
@@ -29,13 +28,7 @@ def stopped(machine, tmp_path_factory):
         if isinstance(happened, SegmentDone) and happened.number == 2:
             stops[0]("stopped by the operator")
 
-    request = RunRequest(
-        parse_recipe(text, str(folder / "r.yaml"), machine),
-        machine,
-        folder / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-    )
+    request = request_for(machine, folder / "run", text)
     execute(request, Listener(event=event, stoppable=stops.append))
     path = folder / "run" / "recording.h5"
     return (*read_run(path), path)
@@ -60,9 +53,35 @@ def test_it_is_what_the_run_wrote(stopped):
     *_, path = stopped
     written = json.loads((path.parent / "summary.json").read_text())
     made = json.loads(json.dumps(summary_of(stopped)))
-    assert made["moves"] == written["moves"]
-    assert made["friction"] == written["friction"]
-    assert made["limits"] == written["limits"]
+    assert list(made) == [key for key in written if key != "punctuality"]
+    assert list(made)[:17] == [
+        "format", "version", "recipe", "machine", "compensation", "seed", "simulated", "lot",
+        "duration", "wall_time", "outcome", "fault", "moves", "friction", "micro", "macro", "cycle",
+    ]  # fmt: skip
+    for key in ("moves", "friction", "limits"):
+        assert made[key] == written[key]
+
+
+def test_an_estimate_has_units_and_null_for_what_is_unknown(stopped):
+    figures = {"parameters": {"coulomb": [6.0, None]}, "gain": {"coulomb": float("inf")}}
+    change = changing("friction", **figures, compute_time=None, held=["viscous"])
+    entry = summary_of(stopped, change)["friction"][0]
+    assert entry["parameters"] == {"coulomb": {"value": 6.0, "sigma": None, "unit": "N"}}
+    assert (entry["gain"], entry["compute_time"]) == ({"coulomb": None}, None)
+    assert entry["held"] == ["viscous"]
+
+
+def test_what_the_run_met_on_its_way_is_listed(stopped):
+    notes, *rest = stopped
+    step = {"axis": "x", "place": [0.0, 0.0], "time": 3.0, "change": 0.2, "everywhere": False}
+    found = {"axis": "y", "time": 1.0, "out": True, "text": "it fed"}
+    retry = {"site": 2, "attempt": 1, "fault": "0x8611"}
+    unfiled = {"filed": 1, "estimates": 3}
+    named = {"level_stepped": step, "observer_found": found, "retry": retry, "unfiled": unfiled}
+    events = [{"event": name, "sample": 0, **of} for name, of in named.items()]
+    made = summary_of((replace(notes, events=(*notes.events, *events)), *rest))
+    assert (made["steps"], made["watchdog"], made["retries"]) == ([step], [found], [retry])
+    assert made["history"] == unfiled
 
 
 def test_only_completed_sites_are_judged(stopped):

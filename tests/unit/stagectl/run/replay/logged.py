@@ -1,22 +1,20 @@
 """Runs whose bus logs are replayed, and logs that are changed."""
 
 import re
-from datetime import UTC, datetime
 
 from hil_sim.bus import faults as f
-from stagectl.recipe import parse_recipe
-from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
+from stagectl.run import HostSettings, Listener, SimulatedStage, execute
 from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import request_for
 
 RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
 
 
 def run(machine, folder, *faults, listener=None, retries=0):
-    request = RunRequest(
-        parse_recipe(RECIPE, "short.yaml", machine),
+    request = request_for(
         machine,
         folder,
-        datetime.now(UTC),
+        RECIPE,
         simulated=SimulatedStage(machine, faults=f.FaultPlan(tuple(faults), 1)),
         host=HostSettings(friction_scale=0.5),
         retries=retries,

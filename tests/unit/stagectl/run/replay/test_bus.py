@@ -49,7 +49,7 @@ def test_a_frame_comes_after_what_was_sent_before_it_and_at_its_time(
     bus.send(message(0x080, b""))
     assert (got := bus.recv(0.0)) is not None
     assert got.arbitration_id == 0x181
-    bus.wait_until(1 * MS)
+    bus.sleep_until_ns(1 * MS)
     bus.send(message(0x201))
     bus.send(message(0x080, b""))
     assert bus.recv(0.0) is not None
@@ -66,7 +66,7 @@ def test_the_first_other_frame_ends_the_replay(
     buses: list[ReplayBus], time_ns: int, can_id: int, data: bytes
 ) -> None:
     bus = replayed(buses, LOG)
-    bus.wait_until(time_ns)
+    bus.sleep_until_ns(time_ns)
     with pytest.raises(can.CanOperationError, match="over"):
         bus.send(message(can_id, data))
     assert bus.difference is not None
@@ -127,7 +127,7 @@ def test_a_long_log_is_read_as_the_replay_proceeds(buses: list[ReplayBus]) -> No
     bus = ReplayBus(log(), 2 * cycles, complete=True)
     buses.append(bus)
     for cycle in range(cycles):
-        bus.wait_until(cycle * MS)
+        bus.sleep_until_ns(cycle * MS)
         bus.send(message(0x080, b""))
         assert bus.recv(0.0) is not None
         ahead = max(ahead, taken - 2 * (cycle + 1))

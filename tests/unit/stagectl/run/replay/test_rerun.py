@@ -14,12 +14,12 @@ from stagectl.errors import UnusableInput
 from stagectl.history import StageKey, open_history
 from stagectl.maps import FrictionMap, to_json
 from stagectl.maps.model import MapAxis, MapSite
-from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, SimulatedStage, execute
+from stagectl.run import Listener, SimulatedStage, execute
 from stagectl.run.replay import replay
 from stagectl.sequencer import MoveStarted
 from stagectl.store import BusLog, read_log
 from tests.unit.stagectl.run.replay.logged import RECIPE, run
+from tests.unit.stagectl.run.whole import request_for
 
 
 @pytest.fixture(scope="module")
@@ -99,13 +99,9 @@ def test_a_run_by_a_map_goes_by_it_as_it_stood(machine, tmp_path):
     history.activate(stage, history.save_map(stage, begin, "", content), begin, "activated")
     history.close()
     for wafer in range(2):
-        request = RunRequest(
-            parse_recipe(RECIPE, "short.yaml", machine),
-            machine,
-            tmp_path / str(wafer),
-            datetime.now(UTC),
-            simulated=SimulatedStage(machine, wafer),
-            history=str(where),
+        stage_now = SimulatedStage(machine, wafer)
+        request = request_for(
+            machine, tmp_path / str(wafer), RECIPE, simulated=stage_now, history=str(where)
         )
         assert execute(request, Listener()).summary["outcome"] == "completed"
     where.unlink()

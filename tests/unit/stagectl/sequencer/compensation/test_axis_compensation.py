@@ -7,13 +7,15 @@ from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
 from stagectl.sequencer import Mode, make_compensation
+from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
 
 TS = 1e-3
 MOVE = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
 
 
-def offsets(compensation, rest_force=0.0, rest_offset=0.0):
-    return compensation.force_offsets(MOVE, 260, 0.1, 0.0, rest_force, rest_offset)
+def offsets(compensation, rest_force=0.0, rest_offset=0.0, variation=None):
+    demand = AxisMotion(MOVE, None, 260, variation)
+    return compensation.force_offsets(demand, AtRest(0.1, 0.0, rest_force, rest_offset))
 
 
 def test_mode_none_is_mass_times_acceleration():
@@ -99,9 +101,8 @@ def known_offsets(machine, mode=Mode.MODEL):
         return offsets(x)
     time = np.arange(1, 261) * TS
     demand = np.column_stack([MOVE.sample(time)[0], np.zeros(260)])
-    x.begin_known(MOVE, None, demand, 0.1)
-    variation = x.known.variation(None, demand, time)
-    return x.force_offsets(MOVE, 260, 0.1, 0.0, 0.0, 0.0, variation)
+    x.begin_known(AxisMotion(MOVE, None, 260), demand, 0.1)
+    return offsets(x, variation=x.known.variation(None, demand, time))
 
 
 def test_a_known_force_is_added_along_the_way():

@@ -7,17 +7,17 @@ from estimation.known_effects import KnownTerms
 from estimation.known_effects.terms import Base
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
+from stagectl.config import load_machine
 from stagectl.sequencer.compensation.known_axis import SAMPLES_BEFORE_MOVE, KnownAxis
-from stagedata import FrictionFigures
 
-TS, TC, AHEAD, MASS = 1e-3, 1e-4, 1.56e-4, 14.0
-FRICTION = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.2, 1e-3, 2.0)
+TS, TC, AHEAD = 1e-3, 1e-4, 1.56e-4
+AXIS = load_machine().axes["y"]
 LIMITS = Limits(0.5, 3.0, 200.0)
 STILL = plan(0.0, 0.0, LIMITS)
 
 
 def known(**terms):
-    return KnownAxis(KnownTerms(**terms), 0, MASS, FRICTION, TS, TS - TC, AHEAD, 120.0)
+    return KnownAxis(KnownTerms(**terms), 0, AXIS, TS)
 
 
 def positions(motion, rest=20):
@@ -35,7 +35,7 @@ def record(path, force, rest_force=0.0):
 def test_a_force_over_position_is_sent_on_the_way_and_taken_back_where_it_was_met():
     axis = known(forces=[lambda x: 100.0 * np.asarray(x)])
     motion = plan(0.01, 0.03, LIMITS)
-    axis.plan(motion, STILL, 200)
+    axis.plan(motion, STILL, 200, AHEAD)
     friction = axis.friction_at_rest(7.0, 0.01)
     assert friction == pytest.approx(7.0 - 1.0)
     offsets = axis.offsets(friction, np.zeros(200))
@@ -49,7 +49,7 @@ def test_a_force_over_position_is_sent_on_the_way_and_taken_back_where_it_was_me
 
 def test_an_offset_sent_again_from_the_middle_goes_on_without_a_jump():
     axis = known(forces=[lambda x: 100.0 * np.asarray(x)], gain=0.9)
-    axis.plan(plan(0.0, 0.02, LIMITS), STILL, 150)
+    axis.plan(plan(0.0, 0.02, LIMITS), STILL, 150, AHEAD)
     change = np.linspace(0.0, 5.0, 150)
     whole = axis.offsets(axis.friction_at_rest(2.0, 0.0), change)
     rest = axis.offsets(axis.friction_at_rest(2.0, 0.0) + change[59], change[60:] - change[59], 60)
@@ -59,12 +59,12 @@ def test_an_offset_sent_again_from_the_middle_goes_on_without_a_jump():
 def test_hysteresis_is_carried_from_move_to_move_along_measured_positions():
     axis = known(hysteresis=[(1.0, 3000.0)])
     out, back = plan(0.0, 0.01, LIMITS), plan(0.01, 0.0099, LIMITS)
-    axis.plan(out, STILL, 100)
+    axis.plan(out, STILL, 100, AHEAD)
     path = positions(out)
     axis.without(record(path, 6.0), path, np.ones(len(path)))
     axis.carry(path)
     assert axis.friction_at_rest(5.0, 0.01) == pytest.approx(4.0)
-    axis.plan(back, STILL, 100)
+    axis.plan(back, STILL, 100, AHEAD)
     offsets = axis.offsets(4.0, np.zeros(100))
     assert offsets[-1] == pytest.approx(-0.3)
     axis.forget()
@@ -75,10 +75,10 @@ def test_a_base_swings_on_while_the_axis_rests():
     axis, whole = (known(bases=[Base(0.03, 9.0, 0.08)]) for _ in range(2))
     motion = plan(0.0, 0.02, LIMITS)
     count = int(motion.duration / TS) + 2
-    axis.plan(motion, STILL, count)
+    axis.plan(motion, STILL, count, AHEAD)
     axis.offsets(0.0, np.zeros(count))
     assert np.abs(axis.hold(40)).max() > 0.2
-    whole.plan(motion, STILL, count + 90)
+    whole.plan(motion, STILL, count + 90, AHEAD)
     expected = whole.offsets(0.0, np.zeros(count + 90))
     first = axis.hold(40)
     axis.held(25)  # the hold ended early
@@ -88,7 +88,7 @@ def test_a_base_swings_on_while_the_axis_rests():
     # Measured positions tell the same.
     path = positions(motion, rest=40)
     axis.carry(path)
-    axis.plan(plan(0.02, 0.02, LIMITS), STILL, 20)
+    axis.plan(plan(0.02, 0.02, LIMITS), STILL, 20, AHEAD)
     later = axis.offsets(0.0, np.zeros(20))
     # Sample k of the path is at time k - 2 of the demand, time 0 of the next one Tc before a SYNC.
     begin = len(path) - SAMPLES_BEFORE_MOVE - TC / TS
@@ -113,7 +113,7 @@ def test_saturated_samples_and_unseen_accelerations_say_nothing_of_friction():
     axis = known(coupled_mass=0.4, gain=0.8)
     path = positions(plan(0.0, 0.02, LIMITS))
     force = np.full(len(path), 5.0)
-    force[30] = 121.0
+    force[30] = AXIS.drive.peak_force + 1.0
     seen = np.ones(len(path), dtype=bool)
     seen[60] = False
     bare = axis.without(record(path, force), path, seen)
@@ -124,7 +124,7 @@ def test_saturated_samples_and_unseen_accelerations_say_nothing_of_friction():
 def test_the_acceleration_of_the_other_axis_is_met():
     axis = known(coupled_mass=0.4)
     motion = plan(0.0, 0.02, LIMITS)
-    axis.plan(STILL, motion, 150)
+    axis.plan(STILL, motion, 150, AHEAD)
     offsets = axis.offsets(0.0, np.zeros(150))
     expected = 0.4 * motion.sample(np.arange(1, 151) * TS + AHEAD)[2]
     np.testing.assert_allclose(offsets, expected, atol=1e-9)

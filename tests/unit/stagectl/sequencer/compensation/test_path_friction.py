@@ -11,6 +11,7 @@ from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
 from stagectl.sequencer import Mode, make_compensation
+from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Expectation
 
@@ -62,30 +63,31 @@ def records(path, force=6.0):
     return [MoveData(path[:, a], np.full(len(path), force), ok, 0.1, 0.0) for a in range(2)]
 
 
-def predict(axis, variation=None):
+def predict(axis, motion=None):
     """The axis' force offsets: from here on its friction has a state."""
-    axis.force_offsets(MOTION[0], COUNT, 0.1, 0.0, 3.0, 3.0, variation)
+    axis.force_offsets(motion or AxisMotion(MOTION[0], None, COUNT), AtRest(0.1, 0.0, 3.0, 3.0))
 
 
 def test_the_axis_gets_what_is_expected_at_its_target_and_the_variation_up_to_it(axes):
     friction = PathFriction(axes, Tilted(), TS)
-    friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
+    x, y = friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
     assert friction.varies
     assert axes[0].estimator.friction.coulomb == pytest.approx(7.0)
     assert axes[1].estimator.friction.coulomb == pytest.approx(9.0)  # of which nothing is known
-    along = friction.along_demand(0)
-    np.testing.assert_allclose(along, 10.0 * (DEMAND[:, 0] - 0.02))
-    assert along[-1] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(x.variation, 10.0 * (DEMAND[:, 0] - 0.02))
+    assert x.variation[-1] == pytest.approx(0.0, abs=1e-9)
+    assert (x.trajectory, x.across, x.samples) == (*MOTION, COUNT)
+    assert (y.trajectory, y.across) == MOTION[::-1]
 
 
 @pytest.mark.parametrize("places", [None, Tilted(here=True)])
 def test_without_a_map_or_at_the_same_place_nothing_changes(axes, places):
     before = [axis.estimator.friction for axis in axes]
     friction = PathFriction(axes, places, TS)
-    friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
+    x, _ = friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
     assert not friction.varies
     assert [axis.estimator.friction for axis in axes] == before
-    assert friction.along_demand(0) is None
+    assert x.variation is None
     taken = records(DEMAND)
     assert friction.measure(taken, DEMAND) == taken
     assert friction.leveled(0, taken[0]) is taken[0]
@@ -94,8 +96,8 @@ def test_without_a_map_or_at_the_same_place_nothing_changes(axes, places):
 
 def test_a_record_over_a_tilted_table_reads_as_on_a_level_one(axes):
     friction = PathFriction(axes, Tilted(), TS)
-    friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
-    predict(axes[0], friction.along_demand(0))
+    x, _ = friction.begin((0.02, 0.0), MOTION, DEMAND, 0.1)
+    predict(axes[0], x)
     tilted = records(DEMAND)
     fast = slice(60, 120)
     own = 7.0 * (1.0 + 10.0 * (DEMAND[:, 0] - 0.02)) + 20.0 * np.gradient(DEMAND[:, 0], TS)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stagectl.sequencer.compensation.fresh_places import SAME_PLACE, SPREAD, FreshPlaces
+from stagectl.sequencer.compensation.places import SAME_PLACE, SPREAD, FreshPlaces
 
 
 @pytest.fixture
