@@ -69,6 +69,7 @@ from stagectl.store import (
     CycleLedger,
     Journal,
     JournalHeader,
+    RunNotes,
     read_ledger,
     read_log,
     read_notes,
@@ -293,12 +294,12 @@ def _written(what: str, folder: Path) -> bytes:
     if what == "journal":
         axes = tuple(AxisScaling(name, 1e-9, 0.1) for name in ("x", "y"))
         header = JournalHeader("m", "r", started.isoformat(), axes)
-        fields = len(sample_dtype(len(axes), checked=False).names or ())  # with the tag
+        fields = len(sample_dtype(len(axes)).names or ())  # with tag, index and CRC
         with Journal(folder, header) as journal:
             journal.event("run", seed=1)
             journal.move(Move("macro", 0, 90, {"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.0}, 1))
             for k in range(100):
-                journal.sink((k * 1_000_000, *[k % 2] * (fields - 2)))
+                journal.sink((k * 1_000_000, *[k % 2] * (fields - 4)))
             return journal.path.read_bytes()
     count = 200
     signals = AxisSignals(
@@ -312,7 +313,8 @@ def _written(what: str, folder: Path) -> bytes:
     )  # fmt: skip
     ledger = CycleLedger({"x": np.zeros(count)}, np.zeros(count, np.bool_))
     path = folder / "recording.h5"
-    write_recording(recording, path, ledger, events=[{"event": "run", "seed": 1}], outcome="fault")
+    notes = RunNotes("recipe", machine().text, "", "fault", ({"event": "run", "seed": 1},))
+    write_recording(recording, path, ledger, notes)
     return path.read_bytes()
 
 

@@ -12,8 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from estimation.observer import Design
 from hil_sim.bus import InjectedFault
 from stagectl.config import without_password
@@ -51,10 +49,9 @@ from stagectl.store import (
     JournalHeader,
     find_log,
     finite,
-    read_journal_notes,
     recover_journal,
 )
-from stagedata import AxisSignals, Move, Recording
+from stagedata import Move
 
 OUTPUTS = ("recording.h5", "summary.json", "report.html")
 """Files of a run, besides its bus log."""
@@ -225,19 +222,20 @@ class RunRecord:
             filed, made = self._history.filed, self._history.made
             self.journal.event("unfiled", filed=filed, estimates=made)
         self.journal.close()
-        notes = None if self.journal.samples else read_journal_notes(self.journal.path)
         content = recover_journal(self.journal.path, overwrite=True).content
-        recording, ledger = _empty(request), None
-        if content is not None:
-            notices += [] if content.problem is None else [content.problem]
-            recording, ledger, notes = content.recording, content.ledger, content.notes()
-        assert notes is not None  # noqa: S101  the journal has at least the event `run`
+        assert content is not None  # noqa: S101  the journal has its header
+        notices += [] if content.problem is None else [content.problem]
+        has_samples = len(content.recording) > 0
         summary = write_documents(
-            notes, recording, ledger, machine, request.folder / RECORDING_NAME
+            content.notes,
+            content.recording,
+            content.ledger if has_samples else None,
+            machine,
+            request.folder / RECORDING_NAME,
         )
         return RunResult(
             summary,
-            None if content is None else recording,
+            content.recording if has_samples else None,
             error,
             dict(self._first_update),
             site_verdicts(summary),
@@ -283,20 +281,3 @@ def _set_aside_files(folder: Path) -> None:
             earlier.unlink()
         for path in old:
             path.replace(previous / path.name)
-
-
-def _empty(request: RunRequest) -> Recording:
-    """A recording without samples, for the summary of a run that never moved."""
-    none = np.zeros(0)
-    return Recording(
-        request.machine.text,
-        request.recipe.text,
-        request.started.isoformat(),
-        none,
-        {
-            name: AxisSignals(none, none, none, none, None, np.zeros(0, dtype=np.bool_))
-            for name in request.machine.axes
-        },
-        (),
-        "",
-    )

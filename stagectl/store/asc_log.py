@@ -42,9 +42,6 @@ _HEARTBEAT = 0x700
 _BLOCK = 4096  # frames converted at once
 _LEVEL = 6  # of gzip
 
-_DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
-_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-
 
 def log_part(path: Path, number: int) -> Path:
     """The file of a part, from 1, of the log that would be `path`."""
@@ -192,7 +189,5 @@ class _Lines:
 
 def _date(time: datetime) -> str:
     """In Vector's form, whatever the locale: Mon Nov 02 08:00:00.000 2026."""
-    return (
-        f"{_DAYS[time.weekday()]} {_MONTHS[time.month - 1]} {time.day:02} "
-        f"{time:%H:%M:%S}.{time.microsecond // 1000:03} {time.year}"
-    )
+    milliseconds = time.microsecond // 1000
+    return f"{time.ctime()[:7]} {time:%d %H:%M:%S}.{milliseconds:03} {time.year}"

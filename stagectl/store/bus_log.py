@@ -14,10 +14,9 @@ says so in `failure`, and keeps the frames it has.
 
 from __future__ import annotations
 
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime, tzinfo
 from pathlib import Path
-from types import TracebackType
 
 from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
@@ -30,10 +29,10 @@ SPOOL_NAME = "bus.frames"
 LEFT_OVER_NAME = "bus-recovered.asc"
 
 
-class BusLog:
+class BusLog(AbstractContextManager["BusLog"]):
     """The bus log being written; the drivers hand every frame to it.
 
-    As a context manager it never raises on exit: the run still has its recording to write.
+    Its end never raises: the run still has its recording to write.
 
     Attributes:
         path: of the ASC file, which exists after `close`; for a long run `asc_log.log_part` of it.
@@ -79,36 +78,20 @@ class BusLog:
     __call__ = tap
 
     def close(self) -> None:
-        """Convert the spool to the ASC log; idempotent.
-
-        Raises:
-            StagectlError: it cannot be written, or frames are missing.
-        """
+        """Convert the spool to the ASC log; idempotent. Where it cannot, `failure` says why."""
         if self._frames.closed:
             return
         try:
             self._frames.close()
+            if self.failure is None:
+                self.digest = convert_spool(self._spool, self.path, self._zone)
         except OSError as error:
             self.failure = self.failure or f"{self._spool}: cannot write: {error.strerror}"
-        if self.failure is not None:
-            raise StagectlError(self.failure)
-        try:
-            self.digest = convert_spool(self._spool, self.path, self._zone)
         except StagectlError as error:
             self.failure = str(error)
-            raise
 
-    def __enter__(self) -> BusLog:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        with suppress(StagectlError):  # `failure` says so
-            self.close()
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def _set_aside(spool: Path, zone: tzinfo | None) -> None:

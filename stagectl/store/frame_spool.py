@@ -156,7 +156,7 @@ def read_head(part: Path) -> bytes | None:
         UnusableInput: it is not a part of a spool.
         OSError: it cannot be read.
     """
-    with _open_part(part) as file:
+    with open_packed(part) as file:
         head = file.read(HEAD.size)
     if len(head) < HEAD.size and MAGIC.startswith(head[: len(MAGIC)]):
         return None
@@ -171,13 +171,14 @@ def read_frames(part: Path, count: int) -> Iterator[bytes]:
     Raises:
         OSError: it cannot be read.
     """
-    with _open_part(part) as file:
+    with open_packed(part) as file:
         file.read(HEAD.size)
         while block := file.read(FRAME.size * count):
             yield block[: len(block) // FRAME.size * FRAME.size]
 
 
-def _open_part(part: Path) -> BinaryIO:
+def open_packed(part: Path) -> BinaryIO:
+    """A file to be read, whole or compressed."""
     return cast(BinaryIO, gzip.open(part)) if part.suffix == ".gz" else part.open("rb")
 
 

@@ -7,8 +7,7 @@ cut anywhere or damaged, into the HDF5 recording.
 Layout, little-endian: one line `stagectl-journal 4 CRC {header as JSON}`, with the CRC-32 of the
 header in hexadecimal, then records that start with a tag byte: `S`, uint32 index, a fixed-size
 sample and the uint32 CRC-32 of all of it; or `J`, uint32 length, uint32 CRC-32 and that many bytes
-of JSON (a move, an event, the outcome). In version 3, header and samples have no CRC, and samples
-no index.
+of JSON (a move, an event, the outcome).
 """
 
 from __future__ import annotations
@@ -19,10 +18,9 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 import numpy as np
@@ -33,7 +31,6 @@ from stagedata import Move
 _MOVE = tuple(field.name for field in fields(Move))
 FILE_NAME = "recording.journal"
 MAGIC = b"stagectl-journal 4 "
-UNCHECKED_MAGIC = b"stagectl-journal 3 "
 SAMPLE_TAG = ord("S")
 TEXT_TAG = ord("J")
 TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
@@ -82,14 +79,9 @@ def sample_codec(axes: int) -> struct.Struct:
     return struct.Struct("<BIq?ii" + "ihihH?iB" * axes)
 
 
-def sample_dtype(axes: int, *, checked: bool = True) -> np.dtype[np.void]:
-    """The record as a numpy type; fields of axis i end in `_i`.
-
-    Args:
-        axes: number of axes.
-        checked: with the fields `index` and `crc`; version 3 has neither.
-    """
-    fields: list[tuple[str, str]] = [("tag", "u1"), ("index", "<u4")][: 1 + checked]
+def sample_dtype(axes: int) -> np.dtype[np.void]:
+    """The record of `axes` axes as a numpy type; fields of axis i end in `_i`."""
+    fields = [("tag", "u1"), ("index", "<u4")]
     fields += [("time", "<i8"), ("late", "u1"), ("sync", "<i4"), ("doubt", "<i4")]
     for i in range(axes):
         fields += [
@@ -102,7 +94,7 @@ def sample_dtype(axes: int, *, checked: bool = True) -> np.dtype[np.void]:
             (f"arrival_{i}", "<i4"),
             (f"extra_{i}", "u1"),
         ]
-    return np.dtype([*fields, ("crc", "<u4")] if checked else fields)
+    return np.dtype([*fields, ("crc", "<u4")])
 
 
 def encode_header(header: JournalHeader) -> bytes:
@@ -143,7 +135,7 @@ def refuse_in_progress(folder: Path) -> None:
             pass
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """The journal being written; the drivers call `sink` once per SYNC.
 
     Attributes:
@@ -159,9 +151,7 @@ class Journal:
         """
         self.path = folder / FILE_NAME
         self.samples = 0
-        codec = sample_codec(len(header.axes))
-        self._pack = codec.pack
-        self._size = codec.size + CHECKSUM.size
+        self._pack = sample_codec(len(header.axes)).pack
         try:
             self._fd = os.open(
                 self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644
@@ -182,14 +172,9 @@ class Journal:
         Raises:
             StagectlError: it cannot be written (disk full).
         """
-        try:
-            record = self._pack(SAMPLE_TAG, self.samples, *sample)
-            if os.write(self._fd, record + CHECKSUM.pack(zlib.crc32(record))) == self._size:
-                self.samples += 1
-                return
-        except OSError as error:
-            raise StagectlError(f"{self.path}: cannot write: {error.strerror}") from error
-        raise StagectlError(f"{self.path}: cannot write: the disk is full")
+        record = self._pack(SAMPLE_TAG, self.samples, *sample)
+        self._write(record + CHECKSUM.pack(zlib.crc32(record)))
+        self.samples += 1
 
     def move(self, move: Move) -> None:
         """Note a move, before its samples; another one with the same start replaces it."""
@@ -219,15 +204,7 @@ class Journal:
             fd, self._fd = self._fd, -1
             os.close(fd)
 
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _text(self, record: dict[str, object]) -> None:

@@ -16,13 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
-from stagectl.store.journal import (
-    MAGIC,
-    UNCHECKED_MAGIC,
-    AxisScaling,
-    JournalHeader,
-    locked_journal,
-)
+from stagectl.store.journal import MAGIC, AxisScaling, JournalHeader, locked_journal, sample_dtype
 from stagectl.store.journal_records import Records, Samples, fill_missing
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import RunNotes
@@ -38,23 +32,25 @@ class JournalContent:
     Attributes:
         recording: samples and moves; moves end with the samples at the latest.
         ledger: punctuality of the cycles.
-        events: each with its name `event` and the index `sample` of the next sample.
-        outcome: "completed", "aborted", "fault", or "killed" where the journal states none.
-        fault: text of the fault, or None.
-        problem: what of the journal was damaged, or could not be checked, as a line; or None.
+        notes: all else; the outcome is "killed" where the journal states none.
+        problem: what of the journal was damaged, as a line; or None.
     """
 
     recording: Recording
     ledger: CycleLedger
-    events: tuple[Mapping[str, Any], ...]
-    outcome: str
-    fault: str | None
+    notes: RunNotes
     problem: str | None = None
 
-    def notes(self) -> RunNotes:
-        """All but the samples."""
-        of = self.recording
-        return RunNotes(of.recipe, of.machine, of.started, self.outcome, self.events, self.fault)
+
+@dataclass(slots=True, eq=False)
+class _Whole:
+    """The whole records of a journal: blocks of samples, moves by their start, notes."""
+
+    header: JournalHeader
+    records: Records
+    blocks: list[Samples]
+    moves: dict[int, Move]
+    notes: RunNotes
 
 
 def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
@@ -78,54 +74,11 @@ def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
         data = path.read_bytes()
     except OSError as error:
         raise UnusableInput(f"{path}: {error.strerror}") from error
-    start = _read_header(data, path)
-    if start is None:
-        return None
-    header, records = start
-    events: list[Mapping[str, Any]] = []
-    outcome, fault = KILLED, None
-    for record in records:
-        if isinstance(record, np.ndarray):
-            continue
-        if "event" in record:
-            events.append(record["event"])
-        elif "outcome" in record:
-            outcome, fault = record["outcome"], record["fault"]
-    return RunNotes(header.recipe, header.machine, header.started, outcome, tuple(events), fault)
+    whole = _read(data, path)
+    return None if whole is None else whole.notes
 
 
-def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, Records] | None:
-    """The header and the records; None where the journal was cut before."""
-    line_end = data.find(b"\n")
-    checked = data.startswith(MAGIC[: len(data)])
-    if not checked and not data.startswith(UNCHECKED_MAGIC):
-        other = data.startswith(MAGIC.split(b" ")[0])
-        problem = "a journal of another version: recover it with that" if other else "not a journal"
-        raise UnusableInput(f"{path}: {problem}")
-    if line_end < 0:
-        return None
-    text = data[len(MAGIC) : line_end]
-    if checked:
-        stated, _, text = text.partition(b" ")
-        if stated != b"%08x" % zlib.crc32(text):
-            raise UnusableInput(f"{path}: its header is damaged: its checksum is another")
-    header = _header(text, path)
-    return header, Records(data, line_end + 1, len(header.axes), checked=checked)
-
-
-def parse_journal(data: bytes, path: Path) -> JournalContent | None:
-    """The content of a journal, whole or cut anywhere.
-
-    Args:
-        data: its bytes.
-        path: names it in messages.
-
-    Returns:
-        Its content; None where it was cut before the first sample.
-
-    Raises:
-        UnusableInput: it is not a journal.
-    """
+def _read(data: bytes, path: Path) -> _Whole | None:
     start = _read_header(data, path)
     if start is None:
         return None
@@ -144,36 +97,58 @@ def parse_journal(data: bytes, path: Path) -> JournalContent | None:
             events.append(record["event"])
         elif "outcome" in record:
             outcome, fault = record["outcome"], record["fault"]
-    if not blocks:
+    notes = RunNotes(header.recipe, header.machine, header.started, outcome, tuple(events), fault)
+    return _Whole(header, records, blocks, moves, notes)
+
+
+def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, Records] | None:
+    """The header and the records; None where the journal was cut before."""
+    line_end = data.find(b"\n")
+    if not data.startswith(MAGIC[: len(data)]):
+        other = data.startswith(MAGIC.split(b" ")[0])
+        problem = "a journal of another version: recover it with that" if other else "not a journal"
+        raise UnusableInput(f"{path}: {problem}")
+    if line_end < 0:
         return None
-    samples = fill_missing(blocks, len(header.axes)) if records.checked else np.concatenate(blocks)
-    problem = _describe_damage(records, len(samples) - sum(map(len, blocks)))
-    if problem is not None:
-        events.append({"event": "limitation", "sample": len(samples), "text": problem})
+    stated, _, text = data[len(MAGIC) : line_end].partition(b" ")
+    if stated != b"%08x" % zlib.crc32(text):
+        raise UnusableInput(f"{path}: its header is damaged: its checksum is another")
+    header = _header(text, path)
+    return header, Records(data, line_end + 1, len(header.axes))
+
+
+def parse_journal(data: bytes, path: Path) -> JournalContent | None:
+    """The content of a journal, whole or cut anywhere.
+
+    Args:
+        data: its bytes.
+        path: names it in messages.
+
+    Returns:
+        Its content; None where it was cut within its header.
+
+    Raises:
+        UnusableInput: it is not a journal.
+    """
+    whole = _read(data, path)
+    if whole is None:
+        return None
+    header, records, notes = whole.header, whole.records, whole.notes
+    axes = len(header.axes)
+    samples = np.zeros(0, sample_dtype(axes))
+    if whole.blocks:
+        samples = fill_missing(np.concatenate(whole.blocks), axes)
+    missing, problem = len(samples) - sum(map(len, whole.blocks)), None
+    if records.damaged:
+        lost = f", {missing} samples with them: lost like missed ones" if missing else ""
+        problem = f"{records.damaged} bytes of the journal are damaged{lost}"
+        said = {"event": "limitation", "sample": len(samples), "text": problem}
+        notes = replace(notes, events=(*notes.events, said))
     try:
-        recording = _recording(header, samples, moves, path)
+        recording = _recording(header, samples, whole.moves, path)
     except ValueError as error:  # its header and moves contradict each other
         raise UnusableInput(f"{path}: it is damaged: {error}") from error
-    return JournalContent(
-        recording=recording,
-        ledger=_ledger(header, samples),
-        events=tuple(events),
-        outcome=outcome,
-        fault=fault,
-        problem=problem,
-    )
-
-
-def _describe_damage(records: Records, missing: int) -> str | None:
-    """What of a journal was damaged or could not be checked."""
-    problems = []
-    if records.damaged:
-        rest = "" if records.checked else "; what follows them is lost"
-        lost = f", {missing} samples with them: lost like missed ones" if missing else ""
-        problems.append(f"{records.damaged} bytes of the journal are damaged{lost}{rest}")
-    if not records.checked:
-        problems.append("an earlier version made the journal: its samples have no checksum")
-    return "; ".join(problems) or None
+    return JournalContent(recording, _ledger(header, samples), notes, problem)
 
 
 def _header(text: bytes, path: Path) -> JournalHeader:
@@ -204,7 +179,7 @@ def _recording(
         machine=header.machine,
         recipe=header.recipe,
         started=header.started,
-        time=(samples["time"] - samples["time"][0]) * 1e-9,
+        time=(samples["time"] - samples["time"][:1]) * 1e-9,
         axes=axes,
         moves=tuple(
             replace(move, end=min(move.end, count))
@@ -222,7 +197,7 @@ def _ledger(header: JournalHeader, samples: Samples) -> CycleLedger:
         arrival[axis.name] = np.where(values < 0, np.nan, values)
     # A sample counts the extra TPDOs of the SYNC before it; after the last one none are counted.
     extra = {
-        axis.name: np.append(samples[f"extra_{i}"][1:], 0).astype(np.uint8)
+        axis.name: np.append(samples[f"extra_{i}"][1:], 0)[: len(samples)].astype(np.uint8)
         for i, axis in enumerate(header.axes)
     }
     return CycleLedger(

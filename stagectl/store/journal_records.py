@@ -1,7 +1,6 @@
 """The records of a journal's bytes; what is damaged is left out, and the next whole record found.
 
-Layout: `journal`. A journal of version 3 ends with its first damaged record: nothing in it says
-where the next sample begins, nor whether the samples before are what was written.
+Layout: `journal`.
 """
 
 from __future__ import annotations
@@ -31,18 +30,16 @@ class Records:
         data: of the journal.
         at: where the first record begins.
         axes: number of axes.
-        checked: whether samples have an index and a CRC (version 4).
 
     Attributes:
-        checked: likewise.
         samples: number of samples so far, missing ones included.
         damaged: bytes left out so far; those of a record that was cut at the end do not count.
     """
 
-    def __init__(self, data: bytes, at: int, axes: int, *, checked: bool) -> None:
+    def __init__(self, data: bytes, at: int, axes: int) -> None:
         self.samples, self.damaged = 0, 0
-        self._data, self._at, self.checked = data, at, checked
-        self._dtype = sample_dtype(axes, checked=checked)
+        self._data, self._at = data, at
+        self._dtype = sample_dtype(axes)
         self._skipped = 0  # since the last sample
 
     def __iter__(self) -> Iterator[Samples | dict[str, Any]]:
@@ -53,7 +50,7 @@ class Records:
             if record is None:
                 record, size = self._note()
             if record is None:
-                following = _TAG.search(data, self._at + 1) if self.checked else None
+                following = _TAG.search(data, self._at + 1)
                 if following is None:
                     break
                 self._skipped += following.start() - self._at
@@ -63,8 +60,7 @@ class Records:
             good = self._at = self._at + size
             if isinstance(record, np.ndarray):
                 self._skipped = 0
-                first = int(record["index"][0]) if self.checked else self.samples
-                self.samples = first + len(record)
+                self.samples = int(record["index"][0]) + len(record)
             yield record
         if not self._is_cut(good):
             self.damaged += len(data) - good
@@ -74,17 +70,15 @@ class Records:
         data, at, size = self._data, self._at, self._dtype.itemsize
         if data[at] != SAMPLE_TAG or len(data) - at < size:
             return None, 0
-        if self.checked and not self._are_whole(at, 1)[0]:
+        if not self._are_whole(at, 1)[0]:
             return None, 0
         count = min((len(data) - at) // size, _BLOCK)
         block = np.frombuffer(data, self._dtype, count, at)
-        good = block["tag"] == SAMPLE_TAG
-        if self.checked:
-            first = int(block["index"][0])
-            if not 0 <= first - self.samples <= self._skipped // size:
-                return None, 0
-            good &= block["index"] == first + np.arange(count)
-            good &= self._are_whole(at, count)
+        first = int(block["index"][0])
+        if not 0 <= first - self.samples <= self._skipped // size:
+            return None, 0
+        good = (block["tag"] == SAMPLE_TAG) & (block["index"] == first + np.arange(count))
+        good &= self._are_whole(at, count)
         if not good.all():
             count = int(np.argmin(good))
         return block[:count], count * size
@@ -124,17 +118,16 @@ class Records:
         return bool(length and length > len(left) - TEXT_HEAD.size)
 
 
-def fill_missing(blocks: list[Samples], axes: int) -> Samples:
+def fill_missing(found: Samples, axes: int) -> Samples:
     """All samples in a row; missing ones as if no axis had answered.
 
     Their times, setpoints and offsets are interpolated, positions and forces those of the sample
     before.
 
     Args:
-        blocks: with the field `index`, ascending; at least one sample.
+        found: with the field `index`, ascending; at least one sample.
         axes: number of axes.
     """
-    found = np.concatenate(blocks)
     count = int(found["index"][-1]) + 1
     if count == len(found):
         return found

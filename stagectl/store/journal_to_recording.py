@@ -46,7 +46,7 @@ class Recovered:
 
     Attributes:
         path: of the recording; None where the journal held no sample.
-        content: of the journal; None where it held no sample.
+        content: of the journal; None where it was cut within its header.
     """
 
     path: Path | None
@@ -80,19 +80,12 @@ def recover_journal(
         with locked_journal(path) as file:
             content = parse_journal(file.read(), path)
             target = None
-            if content is not None:
+            if content is not None and len(content.recording):
                 target = path.with_name(name)
                 if not overwrite:
                     target = _free_name(target, content.recording)
                 content = replace(content, recording=replace(content.recording, source=str(target)))
-                write_recording(
-                    content.recording,
-                    target,
-                    content.ledger,
-                    events=content.events,
-                    outcome=content.outcome,
-                    fault=content.fault,
-                )
+                write_recording(content.recording, target, content.ledger, content.notes)
             path.unlink()
     except OSError as error:
         raise UnusableInput(f"{path}: {error.strerror}") from error

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import re
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol, cast
 
 from stagectl.errors import UnusableInput
 from stagectl.store.asc_log import DIGEST_LINE, END, HEAD_END, find_log
+from stagectl.store.frame_spool import open_packed
 
 _DIGEST, _HEAD_END = DIGEST_LINE.encode(), HEAD_END.encode()
 _LINE = re.compile(
@@ -22,10 +21,6 @@ _LINE = re.compile(
     re.ASCII,
 )
 _HEADER = ("date ", "base hex ", "internal events ", "Begin Triggerblock", "End TriggerBlock", "//")
-
-
-class _Hash(Protocol):
-    def update(self, data: bytes, /) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +70,7 @@ class LoggedBus:
         """
         last, count, whole = 0, 0, hashlib.sha256()
         for file in self.files:
-            lines = _Part(file).lines(whole, file is self.files[-1])
+            lines = _Part(file).lines(whole.update, file is self.files[-1])
             for frame in _frames(lines, file, last):
                 last = frame.time_ns
                 count += 1
@@ -97,7 +92,7 @@ def read_log(path: Path) -> LoggedBus:
     whole, wrong, complete, count, last = hashlib.sha256(), None, True, 0, 0
     for file in files:
         part = _Part(file)
-        for frame in _frames(part.lines(whole, file is files[-1]), file, last):
+        for frame in _frames(part.lines(whole.update, file is files[-1]), file, last):
             last = frame.time_ns
             count += 1
         complete = complete and part.stated is not None
@@ -120,7 +115,7 @@ class _Part:
         self.digest = ""
         self.stated: str | None = None
 
-    def lines(self, whole: _Hash, is_last: bool) -> Iterator[str]:
+    def lines(self, whole: Callable[[bytes], object], is_last: bool) -> Iterator[str]:
         """The lines up to the digest; those of the frames also go into the digest of the log.
 
         Raises:
@@ -128,11 +123,11 @@ class _Part:
         """
         own, held, in_frames = hashlib.sha256(), b"", False
         try:
-            with _open(self.file) as stream:
+            with open_packed(self.file) as stream:
                 for raw in stream:
                     line, mark, stated = raw.replace(b"\r\n", b"\n").partition(_DIGEST)
                     if in_frames and line:
-                        whole.update(held)
+                        whole(held)
                         own.update(line)
                         held = line
                     in_frames = in_frames or line.endswith(_HEAD_END)
@@ -144,12 +139,8 @@ class _Part:
         except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else None
             raise UnusableInput(f"{self.file}: {reason or 'not a bus log'}") from error
-        whole.update(held if is_last else held.removesuffix(END))
+        whole(held if is_last else held.removesuffix(END))
         self.digest = own.hexdigest()
-
-
-def _open(file: Path) -> IO[bytes]:
-    return cast(IO[bytes], gzip.open(file)) if file.suffix == ".gz" else file.open("rb")
 
 
 def _frames(lines: Iterable[str], path: Path, last: int) -> Iterator[LoggedFrame]:

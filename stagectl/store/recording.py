@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -141,10 +141,7 @@ def write_recording(
     recording: Recording,
     path: Path | str,
     ledger: CycleLedger | None = None,
-    *,
-    events: Sequence[Mapping[str, Any]] = (),
-    outcome: str | None = None,
-    fault: str | None = None,
+    notes: RunNotes | None = None,
 ) -> None:
     """Write a recording atomically.
 
@@ -152,9 +149,7 @@ def write_recording(
         recording: to write.
         path: of the HDF5 file, replacing an existing one.
         ledger: of the same K cycles, for `/cycle`.
-        events: of the run, for `/events`, one JSON text each.
-        outcome: how the run ended, for the attribute of that name.
-        fault: its text, likewise.
+        notes: of the run: events for `/events`, one JSON text each; outcome and fault.
 
     Raises:
         StagectlError: the file cannot be written.
@@ -165,14 +160,8 @@ def write_recording(
     try:
         with h5py.File(image, "w") as file:
             _write(file, recording, ledger)
-            if events:
-                texts = [json.dumps(event) for event in events]
-                file.create_dataset("events", data=texts, dtype=h5py.string_dtype())
-                file["events"].attrs["unit"] = "1"
-            if outcome is not None:
-                file.attrs["outcome"] = outcome
-            if fault is not None:
-                file.attrs["fault"] = fault
+            if notes is not None:
+                _write_notes(file, notes)
     except OSError as error:
         raise StagectlError(f"{path}: cannot write the recording: {reason_of(error)}") from error
     write_atomically(path, image.getbuffer(), "recording", durable=True)
@@ -214,6 +203,16 @@ def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) ->
         for name, seconds in (("sync", ledger.sync), ("doubt", ledger.doubt)):
             if seconds is not None:
                 _dataset(cycle, name, seconds, "s")
+
+
+def _write_notes(file: h5py.File, notes: RunNotes) -> None:
+    if notes.events:
+        texts = [json.dumps(event) for event in notes.events]
+        file.create_dataset("events", data=texts, dtype=h5py.string_dtype())
+        file["events"].attrs["unit"] = "1"
+    file.attrs["outcome"] = notes.outcome
+    if notes.fault is not None:
+        file.attrs["fault"] = notes.fault
 
 
 def _dataset(group: h5py.Group, name: str, values: npt.NDArray[Any], unit: str) -> None:

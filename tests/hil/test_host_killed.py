@@ -160,7 +160,7 @@ def test_the_host_is_killed_in_the_middle_of_a_move(bus, tmp_path, monkeypatch):
     recovered = recover_left_over(out)
     assert recovered is not None
     assert recovered.content is not None
-    assert recovered.content.outcome == "killed"
+    assert recovered.content.notes.outcome == "killed"
     recording = read_recording(out / "recording.h5")
     assert len(recording) > 100
     demand = recording.axes["x"].position_demand

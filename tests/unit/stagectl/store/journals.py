@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from stagectl.store import AxisScaling, Journal, JournalHeader
+from stagectl.store.journal_reader import JournalContent, parse_journal
 from stagedata import Move
 
 HEADER = JournalHeader(
@@ -34,6 +35,14 @@ def sample(k: int) -> tuple[int, ...]:
 
 def move(kind: str, start: int, end: int, site: int | None = 1) -> Move:
     return Move(kind, start, end, {"x": 0.0, "y": 0.0}, {"x": 1e-6, "y": -1e-6}, site)
+
+
+def content_of(journal: Journal) -> JournalContent:
+    """What is read back of a journal, closed now."""
+    journal.close()
+    content = parse_journal(journal.path.read_bytes(), journal.path)
+    assert content is not None
+    return content
 
 
 def written(folder: Path, count: int = 30) -> Journal:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 import can
@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import BusLog, recover_log
 from tests.unit.stagectl.store.full_disk import REASON, full_after
-
-STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
+from tests.unit.stagectl.store.logs import ONE, STARTED, Frame, logged
 
 FRAMES = st.lists(
     st.tuples(
@@ -33,13 +32,10 @@ def read(path: Path) -> list[can.Message]:
 
 @given(FRAMES)
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_python_can_reads_every_frame(tmp_path: Path, frames: list[tuple[int, int, bytes]]):
+def test_python_can_reads_every_frame(tmp_path: Path, frames: list[Frame]):
     frames.sort(key=lambda frame: frame[0])
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        for frame in frames:
-            log.tap(*frame)
-    messages = read(path)
+    logged(tmp_path, *frames)
+    messages = read(tmp_path / "bus.asc")
     assert [(m.arbitration_id, bytes(m.data), m.dlc) for m in messages] == [
         (can_id, data, len(data)) for _, can_id, data in frames
     ]
@@ -47,16 +43,6 @@ def test_python_can_reads_every_frame(tmp_path: Path, frames: list[tuple[int, in
     assert [m.timestamp for m in messages] == pytest.approx(
         [(t - frames[0][0]) * 1e-9 for t, _, _ in frames], abs=0.51e-6
     )
-
-
-def test_direction_is_seen_from_the_host(tmp_path: Path):
-    sent = [0x000, 0x080, 0x201, 0x37F, 0x401, 0x502, 0x601, 0x77F]
-    received = [0x081, 0x181, 0x282, 0x381, 0x481, 0x581, 0x701]
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
-        for can_id in sent + received:
-            log.tap(0, can_id, b"\x01")
-    rx = [m.is_rx for m in read(tmp_path / "bus.asc")]
-    assert rx == [False] * len(sent) + [True] * len(received)
 
 
 def test_tap_copies_the_data(tmp_path: Path):
@@ -68,12 +54,8 @@ def test_tap_copies_the_data(tmp_path: Path):
     assert [bytes(m.data) for m in read(tmp_path / "bus.asc")] == [b"\x01\x02", b"\xff\x02"]
 
 
-def test_the_header_carries_the_date_in_any_locale_and_absolute_times(tmp_path: Path):
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
-        log.tap(5_000_000_000, 0x181, b"")
-    lines = (tmp_path / "bus.asc").read_text().splitlines()
-    assert lines[0] == "date Mon Nov 02 08:05:06.007 2026"
-    assert lines[1] == "base hex  timestamps absolute"
+def test_python_can_reads_the_date(tmp_path: Path):
+    logged(tmp_path, (5_000_000_000, 0x181, b""))
     with can.ASCReader(tmp_path / "bus.asc", relative_timestamp=False) as reader:
         (message,) = reader
     local = datetime(2026, 11, 2, 8, 5, 6, 7000)
@@ -112,8 +94,8 @@ def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path):
         BusLog(tmp_path / "absent" / "bus.asc", STARTED)
     with full_after(10):
         log = BusLog(tmp_path / "bus.asc", STARTED)
-        with pytest.raises(StagectlError, match=REASON):
-            log.close()
+        log.close()
+    assert REASON in (log.failure or "")
 
 
 @pytest.mark.parametrize("name", ["bus.frames", "bus.asc.part"])
@@ -121,26 +103,23 @@ def test_a_link_in_the_way_is_replaced_and_never_followed(tmp_path: Path, name: 
     precious = tmp_path / "precious"
     precious.write_text("mine")
     (tmp_path / name).symlink_to(precious)
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
-        log.tap(0, 0x181, b"\x01")
-    assert log.failure is None
+    assert logged(tmp_path, ONE).failure is None
     assert precious.read_text() == "mine"
     assert len(read(tmp_path / "bus.asc")) == 1
 
 
 def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path: Path):
     """The tap sees a quick stop before the bus does: it must not raise."""
-    with full_after(10), BusLog(tmp_path / "bus.asc", STARTED) as log:
-        for k in range(20_000):  # many times the buffer
-            log.tap(k, 0x181, b"\x01")
+    with full_after(10):
+        log = logged(tmp_path, *[ONE] * 20_000)  # many times the buffer
     assert log.failure is not None
     assert f"bus.frames: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
 
 
 def test_a_full_disk_at_the_end_keeps_the_spool_only(tmp_path: Path):
-    with full_after(64), BusLog(tmp_path / "bus.asc", STARTED) as log:
-        log.tap(0, 0x181, b"\x01")
+    with full_after(64):
+        log = logged(tmp_path, ONE)
     assert log.failure is not None
     assert f"bus.asc: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
@@ -155,8 +134,7 @@ def test_the_next_runs_keep_the_logs_of_killed_ones(tmp_path: Path):
         killed = (tmp_path / "bus.frames").read_bytes()
         log.close()
         (tmp_path / "bus.frames").write_bytes(killed)
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
-        log.tap(0, 0x200, b"")
+    logged(tmp_path, (0, 0x200, b""))
     kept = [read(tmp_path / name) for name in ("bus-recovered.asc", "bus-recovered-2.asc")]
     assert [messages[0].arbitration_id for messages in kept] == [0x181, 0x182]
     assert [m.arbitration_id for m in read(tmp_path / "bus.asc")] == [0x200]

@@ -11,13 +11,15 @@ import pytest
 from stagectl.errors import StagectlError
 from stagectl.store import Journal, sample_codec, sample_dtype
 from stagectl.store.journal import CHECKSUM
-from stagectl.store.journal_reader import parse_journal
-from tests.unit.stagectl.store.journals import HEADER, sample
+from tests.unit.stagectl.store.journals import HEADER, content_of, sample
 
 
 def test_codec_and_dtype_are_the_same_record():
     for axes in (1, 2, 3):
-        assert sample_codec(axes).size + CHECKSUM.size == sample_dtype(axes).itemsize
+        dtype = sample_dtype(axes)
+        assert sample_codec(axes).size + CHECKSUM.size == dtype.itemsize
+        assert dtype.fields is not None
+        assert dtype.fields["crc"][1] == dtype.itemsize - CHECKSUM.size
 
 
 def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
@@ -25,10 +27,7 @@ def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
     scaling = HEADER.axes[0]
     journal.event("e", count=np.int64(3), values=np.array([1.5, 2.5]), scaling=scaling, at=tmp_path)
     journal.sink(sample(0))
-    journal.close()
-    content = parse_journal(journal.path.read_bytes(), journal.path)
-    assert content is not None
-    assert content.events == (
+    assert content_of(journal).notes.events == (
         {
             "event": "e", "sample": 0, "count": 3, "values": [1.5, 2.5],
             "scaling": {"name": "x", "increment": 1e-9, "force_unit": 0.04}, "at": str(tmp_path),

@@ -11,7 +11,7 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import Journal, read_journal_notes
 from stagectl.store.journal import TEXT_TAG
 from stagectl.store.journal_reader import parse_journal
-from tests.unit.stagectl.store.journals import HEADER, sample, written
+from tests.unit.stagectl.store.journals import HEADER, content_of, sample, written
 
 
 def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_path: Path):
@@ -26,7 +26,7 @@ def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_p
         if content is None:
             counts.append(0)
             continue
-        assert content.outcome == "killed"
+        assert content.notes.outcome == "killed"
         assert all(m.end <= len(content.recording) for m in content.recording.moves)
         counts.append(len(content.recording))
         np.testing.assert_array_equal(
@@ -39,12 +39,8 @@ def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_p
 
 def test_zeros_in_place_of_a_note_end_the_journal(tmp_path: Path):
     journal = written(tmp_path, 20)
-    journal.close()
-    path = tmp_path / "recording.journal"
-    path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
-    content = parse_journal(path.read_bytes(), path)
-    assert content is not None
-    assert len(content.recording) == 20
+    journal.path.write_bytes(journal.path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
+    assert len(content_of(journal).recording) == 20
 
 
 def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
@@ -53,11 +49,9 @@ def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
         journal.sink(sample(k))
     journal.event("end")
     journal.sink(sample(20_000))
-    journal.close()
-    content = parse_journal(journal.path.read_bytes(), journal.path)
-    assert content is not None
+    content = content_of(journal)
     assert len(content.recording) == 20_001
-    assert content.events[0]["sample"] == 20_000
+    assert content.notes.events[0]["sample"] == 20_000
 
 
 def test_the_notes_of_a_run_in_progress_are_read_only_when_asked_for(tmp_path: Path):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +9,9 @@ import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.store import Journal, read_ledger, read_recording, recover_journal
-from stagectl.store.journal import CHECKSUM, encode_header, sample_dtype
+from stagectl.store.journal import encode_header, sample_dtype
 from stagectl.store.journal_reader import JournalContent, parse_journal
-from tests.unit.stagectl.store.journals import HEADER, sample, written
+from tests.unit.stagectl.store.journals import HEADER, content_of, sample, written
 
 COUNT = 12
 START = len(encode_header(HEADER))
@@ -48,7 +45,7 @@ def is_as_written(content: JournalContent) -> bool:
 
 def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data: bytes):
     lost_samples = lost_notes = 0
-    notes = len(parsed(data).events) + len(parsed(data).recording.moves)
+    notes = len(parsed(data).notes.events) + len(parsed(data).recording.moves)
     for at in range(START, len(data)):
         flipped = bytearray(data)
         flipped[at] ^= 1 << at % 8
@@ -57,10 +54,10 @@ def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data: bytes):
         lost = COUNT - int(content.recording.axes["x"].valid.sum())
         assert lost <= 1, at
         said = content.problem is not None  # by an event in addition
-        kept = len(content.events) - said + len(content.recording.moves)
-        gone = notes - kept + (content.outcome == "killed")
+        kept = len(content.notes.events) - said + len(content.recording.moves)
+        gone = notes - kept + (content.notes.outcome == "killed")
         assert lost + gone == 1, at
-        assert said or content.outcome == "killed", at  # the last note may look cut
+        assert said or content.notes.outcome == "killed", at  # the last note may look cut
         lost_samples, lost_notes = lost_samples + lost, lost_notes + gone
     assert lost_samples == COUNT * SIZE
     assert lost_notes > 0
@@ -109,25 +106,6 @@ def test_an_index_out_of_reach_is_no_sample(tmp_path: Path):
     journal.sink(sample(0))
     journal.samples = 4_000_000_000
     journal.sink(sample(1))
-    journal.close()
-    content = parsed(journal.path.read_bytes())
+    content = content_of(journal)
     assert len(content.recording) == 1
     assert content.problem is not None
-
-
-def test_a_journal_of_the_version_before_is_read_and_said_to_be_unchecked(tmp_path: Path):
-    codec = struct.Struct("<Bq?ii" + "ihihH?iB" * 2)
-    head = b"stagectl-journal 3 " + json.dumps(asdict(HEADER)).encode() + b"\n"
-    path = tmp_path / "recording.journal"
-    path.write_bytes(head + b"".join(codec.pack(ord("S"), *sample(k)) for k in range(COUNT)))
-    recovered = recover_journal(path)
-    assert "samples have no checksum" in recovered.describe()
-    assert recovered.content is not None
-    assert len(recovered.content.recording) == COUNT
-    assert is_as_written(recovered.content)
-
-
-def test_the_record_ends_with_its_checksum():
-    dtype = sample_dtype(2)
-    assert dtype.fields is not None
-    assert dtype.fields["crc"][1] == dtype.itemsize - CHECKSUM.size

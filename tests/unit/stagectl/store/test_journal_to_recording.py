@@ -157,7 +157,7 @@ def test_other_files_are_refused_and_kept(tmp_path: Path):
     with pytest.raises(UnusableInput, match="not a journal"):
         recover_journal(path)
     assert path.exists()
-    path.write_bytes(b"stagectl-journal 3 {}\n")
+    path.write_bytes(b"stagectl-journal 4 {}\n")
     with pytest.raises(UnusableInput, match="header is damaged"):
         recover_journal(path)
     with pytest.raises(UnusableInput, match="No such file"):

@@ -1,17 +1,16 @@
 """bus.asc read back, and its digest."""
 
 import hashlib
-from datetime import UTC, datetime
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl.errors import UnusableInput
-from stagectl.store import BusLog, LoggedFrame, read_log
+from stagectl.store import LoggedFrame, read_log
 from stagectl.store.asc_log import BUS_FAILED
+from tests.unit.stagectl.store.logs import ONE, logged
 
-STARTED = datetime(2026, 11, 2, 8, 5, 6, tzinfo=UTC)
 FRAMES = st.lists(
     st.tuples(st.integers(0, 10**9), st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30
 )
@@ -21,11 +20,8 @@ FRAMES = st.lists(
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_logged_frames_are_read_back(tmp_path, frames):
     frames.sort(key=lambda frame: frame[0])
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        for t_us, can_id, data in frames:
-            log.tap(t_us * 1000, can_id, data)
-    back = read_log(path)
+    log = logged(tmp_path, *((t_us * 1000, can_id, data) for t_us, can_id, data in frames))
+    back = read_log(log.path)
     assert back.digest == back.stated == log.digest
     first = frames[0][0] if frames else 0
     assert [(f.time_ns, f.can_id, f.data) for f in back.frames()] == [
@@ -34,24 +30,20 @@ def test_logged_frames_are_read_back(tmp_path, frames):
 
 
 def test_the_digest_is_that_of_the_frames_above_it(tmp_path):
-    with BusLog(tmp_path / "bus.asc", STARTED) as log:
-        log.tap(0, 0x181, b"\x01")
-    *above, last = (tmp_path / "bus.asc").read_bytes().splitlines(keepends=True)
+    *above, last = logged(tmp_path, ONE).path.read_bytes().splitlines(keepends=True)
     head = above.index(b"   0.000000 Start of measurement\n") + 1
     assert last.startswith(b"//")
     assert last.split()[-1].decode() == hashlib.sha256(b"".join(above[head:])).hexdigest()
 
 
 def test_a_bus_failure_is_in_the_log(tmp_path):
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        log.tap(0, 0x201, b"\x01")
-        log.tap(5000, BUS_FAILED, b"")
-    assert tuple(read_log(path).frames()) == (
-        LoggedFrame(0, True, 0x201, b"\x01"),
+    back = read_log(logged(tmp_path, ONE, (5000, BUS_FAILED, b"")).path)
+    sent, failed = back.frames()
+    assert (sent, failed) == (
+        LoggedFrame(0, True, *ONE[1:]),
         LoggedFrame(5000, False, -1, b""),
     )
-    assert list(read_log(path).frames())[1].failed
+    assert (sent.failed, failed.failed) == (False, True)
 
 
 @pytest.mark.parametrize(
@@ -65,9 +57,7 @@ def test_a_bus_failure_is_in_the_log(tmp_path):
     ],
 )
 def test_a_line_of_another_form_is_named(tmp_path, line):
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        log.tap(0, 0x201, b"\x01")
+    path = logged(tmp_path, ONE).path
     path.write_text(path.read_text().replace("End", f"{line}\nEnd"))
     with pytest.raises(UnusableInput, match=r"bus\.asc:7: not a frame of a bus log"):
         read_log(path)
@@ -81,9 +71,8 @@ def test_a_log_without_digest_can_be_read(tmp_path):
 
 
 def test_what_follows_the_digest_is_a_change(tmp_path):
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        log.tap(0, 0x201, b"\x01")
+    log = logged(tmp_path, ONE)
+    path = log.path
     assert read_log(path).stated == log.digest
     path.write_text(path.read_text() + "0.000001 1 201 Tx d 0\n")
     changed = read_log(path)
@@ -93,18 +82,14 @@ def test_what_follows_the_digest_is_a_change(tmp_path):
 
 
 def test_line_ends_of_another_system_do_not_change_the_digest(tmp_path):
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        log.tap(0, 0x201, b"\x01")
+    log = logged(tmp_path, ONE)
+    path = log.path
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     assert read_log(path).digest == read_log(path).stated == log.digest
 
 
 def test_a_log_that_has_changed_since_it_was_checked_is_refused_at_its_end(tmp_path):
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        for number in range(10):
-            log.tap(number * 1000, 0x201, b"\x01")
+    path = logged(tmp_path, *((number * 1000, *ONE[1:]) for number in range(10))).path
     back = read_log(path)
     lines = path.read_text().splitlines(keepends=True)
     for changed in (lines[:-4], [*lines[:-4], *lines[-5:]], [*lines[:8], lines[7], *lines[9:]]):
@@ -117,10 +102,7 @@ def test_a_log_that_has_changed_since_it_was_checked_is_refused_at_its_end(tmp_p
 
 def test_frames_are_read_as_they_are_taken(tmp_path):
     """The file may be larger than memory: what comes after a frame is not read before it."""
-    path = tmp_path / "bus.asc"
-    with BusLog(path, STARTED) as log:
-        for number in range(20_000):
-            log.tap(number * 1000, 0x201, b"\x01")
+    path = logged(tmp_path, *((number * 1000, *ONE[1:]) for number in range(20_000))).path
     back = read_log(path)
     frames = back.frames()
     assert next(frames).time_ns == 0

@@ -3,7 +3,6 @@
 import os
 import signal
 from dataclasses import replace
-from datetime import UTC, datetime
 from multiprocessing import get_context
 
 import numpy as np
@@ -11,10 +10,11 @@ import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, SimulatedStage, load_interrupted
+from stagectl.run import Listener, load_interrupted
 from stagectl.run.replay import replay
 from stagectl.sequencer import Exposed
 from stagectl.store import (
+    RunNotes,
     read_log,
     read_notes,
     read_recording,
@@ -23,10 +23,10 @@ from stagectl.store import (
     write_recording,
 )
 from stagedata import AxisSignals, Recording
-from tests.unit.stagectl.run.whole import MOVES, SITES, failing_at
+from tests.unit.stagectl.run.whole import MOVES, SITES, failing_at, request_for
 
 
-def test_a_run_goes_on_at_the_site_that_it_was_at(go, sites, tmp_path):
+def test_a_run_goes_on_at_its_site_with_the_friction_accepted_last(go, sites, tmp_path):
     listener, _ = failing_at(6)  # the micro-move of site 3
     first = go(sites, "first", listener=listener, scale=0.5)
     assert first.summary["outcome"] == "fault"
@@ -50,12 +50,7 @@ def test_a_run_goes_on_at_the_site_that_it_was_at(go, sites, tmp_path):
     noted = read_notes(tmp_path / "second" / "recording.h5").events[0]
     assert noted["event"] == "run"
     assert noted["resumed"]["run"] == str(tmp_path / "first")
-
-
-def test_friction_goes_on_from_what_was_accepted_last(go, sites, tmp_path):
-    listener, _ = failing_at(6)
-    first = go(sites, "first", listener=listener, scale=0.5)
-    resumed = load_interrupted(tmp_path / "first", sites)
+    # and the friction accepted last
     known = [e for e in first.summary["friction"] if e["accepted"]][-2:]
     for entry in known:
         for name in ("coulomb", "viscous", "stiffness"):
@@ -64,11 +59,12 @@ def test_friction_goes_on_from_what_was_accepted_last(go, sites, tmp_path):
         rate = resumed.friction[entry["axis"]]["relaxation_rate"][0]
         attraction = entry["parameters"]["attraction"]["value"]
         assert rate * entry["parameters"]["coulomb"]["value"] == pytest.approx(attraction)
-    peaks = {}
-    for name, link in (("going on", resumed), ("from half", replace(resumed, friction={}))):
-        run = go(sites, name, resumed=link, scale=0.5)
-        peaks[name] = [m["peak_error"] for m in run.summary["moves"] if m["site"] == 3][:2]
-    assert np.max(peaks["going on"]) < 0.7 * np.max(peaks["from half"])
+    anew = go(sites, "from half", resumed=replace(resumed, friction={}), scale=0.5)
+    going_on, from_half = (
+        max([m["peak_error"] for m in run.summary["moves"] if m["site"] == 3][:2])
+        for run in (second, anew)
+    )
+    assert going_on < 0.7 * from_half
 
 
 def test_a_run_that_was_killed_goes_on_and_can_be_interrupted_again(go, sites, tmp_path):
@@ -152,47 +148,38 @@ def test_a_list_of_moves_goes_on_where_it_was(go, machine, tmp_path):
     assert [m.target for m in others] == [m.target for m in whole.recording.moves[2:]]
 
 
-def test_what_cannot_be_gone_on_with(go, sites, machine, tmp_path):
-    with pytest.raises(UnusableInput, match="no such folder"):
-        load_interrupted(tmp_path / "nobody", sites)
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(UnusableInput, match="holds no recording"):
-        load_interrupted(tmp_path / "empty", sites)
-    go(sites, "complete")
-    with pytest.raises(UnusableInput, match="is complete"):
-        load_interrupted(tmp_path / "complete", sites)
-    listener, _ = failing_at(2)
-    go(sites, "first", listener=listener)
-    other = parse_recipe(SITES.replace("0.02\n", "0.03\n"), "other.yaml", machine)
-    with pytest.raises(UnusableInput, match="another recipe than other"):
-        load_interrupted(tmp_path / "first", other)
-
-
 @pytest.fixture
 def interrupted(sites, machine, tmp_path):
     """Write the recording of a run that was stopped; with these events after the run's."""
 
-    def write(*events, before=None):
+    def write(*events, before=None, outcome="aborted"):
         folder = tmp_path / "made"
         folder.mkdir(exist_ok=True)
-        request = RunRequest(
-            sites,
-            machine,
-            folder,
-            datetime.now(UTC),
-            simulated=SimulatedStage(machine),
-            resumed=before,
-        )
+        request = request_for(machine, folder, recipe=sites, resumed=before)
         none = np.zeros(1)
         axes = {
             name: AxisSignals(none, none, none, none, None, none == 0.0) for name in machine.axes
         }
         recording = Recording(machine.text, sites.text, "t", none, axes, (), "")
         noted = [{"event": "run", "sample": 0, **request.as_note()}, *events]
-        write_recording(recording, folder / "recording.h5", events=noted, outcome="aborted")
+        notes = RunNotes(sites.text, machine.text, "t", outcome, tuple(noted))
+        write_recording(recording, folder / "recording.h5", notes=notes)
         return folder
 
     return write
+
+
+def test_what_cannot_be_gone_on_with(interrupted, sites, machine, tmp_path):
+    with pytest.raises(UnusableInput, match="no such folder"):
+        load_interrupted(tmp_path / "nobody", sites)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UnusableInput, match="holds no recording"):
+        load_interrupted(tmp_path / "empty", sites)
+    with pytest.raises(UnusableInput, match="is complete"):
+        load_interrupted(interrupted(outcome="completed"), sites)
+    other = parse_recipe(SITES.replace("0.02\n", "0.03\n"), "other.yaml", machine)
+    with pytest.raises(UnusableInput, match="another recipe than other"):
+        load_interrupted(interrupted(), other)
 
 
 def friction(axis, accepted=True, local=1.0, **figures):
