@@ -6,46 +6,19 @@
 axis).
 """
 
-from stagectl.calibration.documents import rewrite_all_documents
-from stagectl.calibration.due_sites import due_now, due_sites
-from stagectl.calibration.enough_sites import require_enough_sites
-from stagectl.calibration.execution import calibrate, calibration_as_json, resume_calibration
-from stagectl.calibration.identify import identify_axis, identify_pieces
-from stagectl.calibration.insert_sites import insert_sites
-from stagectl.calibration.outcome import (
-    SiteOutcome,
-    predicted_gains,
-    site_outcomes,
-    visited_sites,
-)
-from stagectl.calibration.page import (
-    CalibrationReport,
-    calibration_outline,
-    write_calibration_page,
-)
-from stagectl.calibration.sequence import SiteSequence
-from stagectl.calibration.sites import Calibration, DueSection, load_calibration
-
-__all__ = [
-    "Calibration",
-    "CalibrationReport",
-    "DueSection",
-    "SiteOutcome",
-    "SiteSequence",
-    "calibrate",
-    "calibration_as_json",
-    "calibration_outline",
-    "due_now",
-    "due_sites",
-    "identify_axis",
-    "identify_pieces",
-    "insert_sites",
-    "load_calibration",
-    "predicted_gains",
-    "require_enough_sites",
-    "resume_calibration",
-    "rewrite_all_documents",
-    "site_outcomes",
-    "visited_sites",
-    "write_calibration_page",
-]
+from stagectl.calibration.documents import rewrite_all_documents as rewrite_all_documents
+from stagectl.calibration.due_sites import due_now as due_now
+from stagectl.calibration.due_sites import due_sites as due_sites
+from stagectl.calibration.enough_sites import require_enough_sites as require_enough_sites
+from stagectl.calibration.execution import calibrate as calibrate
+from stagectl.calibration.execution import calibration_as_json as calibration_as_json
+from stagectl.calibration.execution import resume_calibration as resume_calibration
+from stagectl.calibration.identify import identify_axis as identify_axis
+from stagectl.calibration.identify import identify_pieces as identify_pieces
+from stagectl.calibration.insert_sites import insert_sites as insert_sites
+from stagectl.calibration.outcome import predicted_gains as predicted_gains
+from stagectl.calibration.page import calibration_outline as calibration_outline
+from stagectl.calibration.sequence import SiteSequence as SiteSequence
+from stagectl.calibration.sites import Calibration as Calibration
+from stagectl.calibration.sites import DueSection as DueSection
+from stagectl.calibration.sites import load_calibration as load_calibration

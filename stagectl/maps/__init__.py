@@ -5,60 +5,35 @@
 replay), `output` (tables, pages, files).
 """
 
-from stagectl.maps.active import ActiveMap, load_active, map_versions
-from stagectl.maps.applicable import outdated, problems, sites_outside
-from stagectl.maps.build import LEAST_SITES, TooFewPlaces, build_map
-from stagectl.maps.compare import AxisChange, SiteChange, compare
-from stagectl.maps.learning import tracking_settings
-from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
-from stagectl.maps.output.as_json import (
-    activation_as_json,
-    changes_as_json,
-    version_as_json,
-    versions_as_json,
-)
-from stagectl.maps.output.outline import (
-    at_place,
-    changes_sections,
-    map_outline,
-    versions_sections,
-)
-from stagectl.maps.output.page import draw_maps, write_map_page
-from stagectl.maps.place_index import PlaceIndex
-from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
-from stagectl.maps.snapshot import restore_snapshot, take_snapshot
-
-__all__ = [
-    "LEAST_SITES",
-    "SITE_RADIUS",
-    "ActiveMap",
-    "AxisChange",
-    "FrictionMap",
-    "MapSite",
-    "MapVersion",
-    "PlaceIndex",
-    "SiteChange",
-    "TooFewPlaces",
-    "TrackedPlaces",
-    "activation_as_json",
-    "at_place",
-    "build_map",
-    "changes_as_json",
-    "changes_sections",
-    "compare",
-    "draw_maps",
-    "load_active",
-    "map_outline",
-    "map_versions",
-    "outdated",
-    "problems",
-    "restore_snapshot",
-    "sites_outside",
-    "take_snapshot",
-    "to_json",
-    "tracking_settings",
-    "version_as_json",
-    "versions_as_json",
-    "versions_sections",
-    "write_map_page",
-]
+from stagectl.maps.active import ActiveMap as ActiveMap
+from stagectl.maps.active import load_active as load_active
+from stagectl.maps.active import map_versions as map_versions
+from stagectl.maps.applicable import outdated as outdated
+from stagectl.maps.applicable import problems as problems
+from stagectl.maps.applicable import sites_outside as sites_outside
+from stagectl.maps.build import LEAST_SITES as LEAST_SITES
+from stagectl.maps.build import TooFewPlaces as TooFewPlaces
+from stagectl.maps.build import build_map as build_map
+from stagectl.maps.compare import AxisChange as AxisChange
+from stagectl.maps.compare import SiteChange as SiteChange
+from stagectl.maps.compare import compare as compare
+from stagectl.maps.learning import tracking_settings as tracking_settings
+from stagectl.maps.model import FrictionMap as FrictionMap
+from stagectl.maps.model import MapSite as MapSite
+from stagectl.maps.model import MapVersion as MapVersion
+from stagectl.maps.model import to_json as to_json
+from stagectl.maps.output.as_json import activation_as_json as activation_as_json
+from stagectl.maps.output.as_json import changes_as_json as changes_as_json
+from stagectl.maps.output.as_json import version_as_json as version_as_json
+from stagectl.maps.output.as_json import versions_as_json as versions_as_json
+from stagectl.maps.output.outline import at_place as at_place
+from stagectl.maps.output.outline import changes_sections as changes_sections
+from stagectl.maps.output.outline import map_outline as map_outline
+from stagectl.maps.output.outline import versions_sections as versions_sections
+from stagectl.maps.output.page import draw_maps as draw_maps
+from stagectl.maps.output.page import write_map_page as write_map_page
+from stagectl.maps.place_index import PlaceIndex as PlaceIndex
+from stagectl.maps.places import SITE_RADIUS as SITE_RADIUS
+from stagectl.maps.places import TrackedPlaces as TrackedPlaces
+from stagectl.maps.snapshot import restore_snapshot as restore_snapshot
+from stagectl.maps.snapshot import take_snapshot as take_snapshot

@@ -8,16 +8,8 @@ measurement, `window` and `fit` the paper's unweighted Gauss-Newton, `tables` it
 A run uses another estimator, with a whitened residual and an arrival cost (`estimation`).
 """
 
-from stagectl.paper.signals import Processing
-from stagectl.paper.simulate import Setup
-from stagectl.paper.study import Study
-from stagectl.paper.tables import Case
-from stagectl.paper.window import Options
-
-__all__ = [
-    "Case",
-    "Options",
-    "Processing",
-    "Setup",
-    "Study",
-]
+from stagectl.paper.signals import Processing as Processing
+from stagectl.paper.simulate import Setup as Setup
+from stagectl.paper.study import Study as Study
+from stagectl.paper.tables import Case as Case
+from stagectl.paper.window import Options as Options

@@ -4,31 +4,12 @@
 to find; `twin` adds what one has found.
 """
 
-from stagectl.config.machine.drive import Cascade, Drive, Quirks
-from stagectl.config.machine.effect import Effect
-from stagectl.config.machine.file import load_machine, parse_machine
-from stagectl.config.machine.model import (
-    Axis,
-    AxisName,
-    Label,
-    LengthPair,
-    Machine,
-    Name,
-)
-from stagectl.config.machine.twin import render_twin
-
-__all__ = [
-    "Axis",
-    "AxisName",
-    "Cascade",
-    "Drive",
-    "Effect",
-    "Label",
-    "LengthPair",
-    "Machine",
-    "Name",
-    "Quirks",
-    "load_machine",
-    "parse_machine",
-    "render_twin",
-]
+from stagectl.config.machine.drive import Drive as Drive
+from stagectl.config.machine.drive import Quirks as Quirks
+from stagectl.config.machine.effect import Effect as Effect
+from stagectl.config.machine.model import Axis as Axis
+from stagectl.config.machine.model import AxisName as AxisName
+from stagectl.config.machine.model import Label as Label
+from stagectl.config.machine.model import LengthPair as LengthPair
+from stagectl.config.machine.model import Machine as Machine
+from stagectl.config.machine.model import Name as Name

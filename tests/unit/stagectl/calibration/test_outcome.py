@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from stagectl.calibration import site_outcomes, visited_sites
+from stagectl.calibration.outcome import site_outcomes, visited_sites
 from stagectl.calibration.sequence import START
 from stagectl.maps import AxisChange, FrictionMap, MapSite, SiteChange
 from stagectl.maps.model import MapAxis

@@ -9,14 +9,15 @@ import pytest
 from rich.console import Console
 
 from estimation.field import FrictionField
-from stagectl.calibration import (
+from stagectl.calibration.outcome import SiteOutcome
+from stagectl.calibration.page import (
     CalibrationReport,
-    SiteOutcome,
-    SiteSequence,
     calibration_outline,
+    render_calibration,
+    verdict,
+    write_calibration_page,
 )
-from stagectl.calibration.page import render_calibration, verdict, write_calibration_page
-from stagectl.calibration.sequence import Gain
+from stagectl.calibration.sequence import Gain, SiteSequence
 from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChange
 from stagectl.maps.model import MapAxis
 from stagectl.report import print_sections

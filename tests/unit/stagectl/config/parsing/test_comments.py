@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.config.machine import load_machine, parse_machine
+from stagectl.config import load_machine, parse_machine
 from stagectl.config.parsing.comments import without_passwords
 
 

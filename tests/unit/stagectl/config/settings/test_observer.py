@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from estimation.observer import Mode
-from stagectl.config.machine import Cascade, Effect, Machine
+from stagectl.config.machine import Effect, Machine
+from stagectl.config.machine.drive import Cascade
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.observer import design_observers, observer_figures
 from stagectl.errors import ConfigError
