@@ -12,7 +12,6 @@ from estimation.observer import (
     BusUnits,
     Carriage,
     Design,
-    DriveLoop,
     MeasuredLoop,
     Mode,
     StageObserver,
@@ -68,23 +67,17 @@ def observer_figures(
 
 
 def clocking(drive: Drive, period: float) -> Clocking:
-    """The fixed figures of a drive with a PID position loop."""
-    if drive.pid is None:
-        raise ValueError("the drive's loops are a cascade")
+    """The fixed figures of a drive."""
     return Clocking(period, drive.control_period, drive.current_bandwidth)
 
 
 def believed_figures(axis: Axis, friction: FrictionFigures) -> Figures:
     """The figures of an axis by its machine file, as a fit of its response has them."""
-    if axis.drive.pid is None:
+    loop = drive_loop(axis.drive)
+    if loop is None:
         raise ValueError("the drive's loops are a cascade")
-    own = _with_effects(
-        AxisFigures(
-            DriveLoop(**axis.drive.pid.model_dump(), current_bandwidth=1.0, control_period=1.0),
-            Carriage(axis.plant.mass, friction.stiffness, friction.viscous), 0.0, 0.0, 1.0, 0.0,
-        ),
-        axis.effects,
-    )  # fmt: skip
+    carriage = Carriage(axis.plant.mass, friction.stiffness, friction.viscous)
+    own = _with_effects(AxisFigures(loop, carriage, 0.0, 0.0, 1.0, 0.0), axis.effects)
     ratio = own.drive.force_ratio
     carriage = own.carriage
     return Figures(

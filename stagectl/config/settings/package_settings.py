@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 _STABLE = 0.5
 """Limit of damping x step / mass and of stiffness x step^2 / mass, the same as for effects."""
+_DEMANDED = {"velocity", "acceleration", "jerk", "following_error"}
+"""Limits that the simulator has too."""
 
 
 def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
@@ -44,10 +46,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 noise=axis.encoder.noise,
                 travel=axis.travel,
                 rotary=axis.rotary,
-                velocity=axis.limits.velocity,
-                acceleration=axis.limits.acceleration,
-                jerk=axis.limits.jerk,
-                following_error=axis.limits.following_error,
+                **axis.limits.model_dump(include=_DEMANDED),
                 wander=friction.repeatability.coulomb,
                 correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
@@ -91,8 +90,10 @@ def _check_steps(machine: Machine, substeps: int) -> None:
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
     from hil_sim import settings
 
+    loops = None
     if drive.cascade is not None:
         cascade = drive.cascade
+        loops = settings.CascadeSettings(**cascade.model_dump(exclude={"derivative_time"}))
         gains = {
             "kp": cascade.velocity_gain * cascade.position_gain,
             "ki": cascade.velocity_integral * cascade.position_gain,
@@ -108,15 +109,7 @@ def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
         rated_force=drive.rated_force,
         peak_force=drive.peak_force,
         period=drive.control_period,
-        cascade=None
-        if drive.cascade is None
-        else settings.CascadeSettings(
-            position_gain=drive.cascade.position_gain,
-            velocity_gain=drive.cascade.velocity_gain,
-            velocity_integral=drive.cascade.velocity_integral,
-            feedforward=drive.cascade.feedforward,
-            span=drive.cascade.span,
-        ),
+        cascade=loops,
     )
 
 
@@ -130,18 +123,8 @@ def driver_settings(
     """
     from drivers import settings
 
-    bus = settings.BusSettings(
-        interface=machine.bus.interface,
-        channel=machine.bus.channel,
-        bitrate=machine.bus.bitrate,
-        sync_period=machine.bus.sync_period,
-        sync_counter=machine.bus.sync_counter,
-        sync_source=machine.bus.sync,
-        sync_window=machine.bus.sync_window,
-        max_missed=machine.bus.max_missed,
-        max_late=machine.bus.max_late,
-        realtime=machine.bus.realtime,
-    )
+    given = dict(machine.bus)
+    bus = settings.BusSettings(sync_source=given.pop("sync"), **given)
     axes = tuple(
         settings.AxisSettings(
             name=name,
@@ -150,19 +133,13 @@ def driver_settings(
             rated_force=axis.drive.rated_force,
             peak_force=axis.drive.peak_force,
             travel=axis.travel,
-            velocity=axis.limits.velocity,
-            acceleration=axis.limits.acceleration,
-            jerk=axis.limits.jerk,
-            following_error=axis.limits.following_error,
+            **dict(axis.limits),
             increment=axis.drive.position_unit,
             encoder=axis.encoder.increment,
             velocity_unit=axis.drive.velocity_unit or 0.0,
             acceleration_unit=axis.drive.acceleration_unit or 0.0,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
-            following_error_time=axis.limits.following_error_time,
-            position_window=axis.limits.position_window,
-            position_window_time=axis.limits.position_window_time,
             options=axis.drive.options,
             unwatched_host=axis.drive.unwatched_host == "accept",
             boot_timeout=axis.drive.boot_timeout,
