@@ -29,8 +29,8 @@ from typing import Any
 import yaml
 
 from hil_sim.effects.library import library, possible_on
-from stagectl.config.machine.file import load_machine
-from stagectl.config.machine.plausible import RANGES
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.machine.plausible import find_ranges
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import read_recording
 
@@ -98,7 +98,7 @@ def machine_with(cascade: bool) -> dict[str, Any]:
     machine["temperature"] = {"axis": "x", "object": "0x6064:00", "scale": 1.0, "offset": 0.0}
     for axis in machine["axes"].values():
         for section, numbers in DEFAULTS.items():
-            axis.setdefault(section, {}).update(numbers)
+            axis.setdefault(section, {}).update(copy.deepcopy(numbers))
         if cascade:
             del axis["drive"]["pid"]
             axis["drive"]["cascade"] = dict(CASCADE)
@@ -121,7 +121,9 @@ def cases(parts: list[str], bounds: bool) -> Iterator[Case]:
     """All cases whose key has one of these parts; with `bounds` at what is just allowed."""
     for cascade in (False, True):
         machine = machine_with(cascade)
-        axis = next(iter(machine["axes"].values()))
+        name, axis = next(iter(machine["axes"].items()))
+        parsed = parse_machine(yaml.safe_dump(machine), "all numbers").axes[name]
+        ranges = {".".join(path): limit[:2] for path, _, limit in find_ranges(parsed)}
         found = [(("bus", *p), False) for p in _numbers(machine["bus"])]
         found += [(("temperature", *p), False) for p in _numbers(machine["temperature"])]
         found += [(p, True) for p in _numbers(axis)]
@@ -129,7 +131,7 @@ def cases(parts: list[str], bounds: bool) -> Iterator[Case]:
             key = ".".join(map(str, path))
             if (cascade and "cascade" not in key) or not any(part in key for part in parts):
                 continue
-            for value in RANGES.get(key, ())[:2] if bounds else VALUES:
+            for value in ranges.get(key, ()) if bounds else VALUES:
                 changed = copy.deepcopy(machine)
                 for root in changed["axes"].values() if of_axis else [changed]:
                     place = root

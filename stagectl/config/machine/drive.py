@@ -9,6 +9,7 @@ from pydantic.dataclasses import dataclass
 
 import hil_sim.quirks
 from drivers.settings import OptionCodes
+from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
     NotNegativeDamping,
     NotNegativeIntegralGain,
@@ -29,10 +30,10 @@ from stagectl.config.parsing.validation import STRICT, Section
 class Pid(Section):
     """Position loop: kp [N/m], ki [N/(m s)], kd [N s/m], derivative's low-pass [s]."""
 
-    kp: PositiveStiffness
-    ki: NotNegativeIntegralGain
-    kd: NotNegativeDamping
-    derivative_time: NotNegativeTime
+    kp: Annotated[PositiveStiffness, Plausible(1e-9, 1e15, "N/m")]
+    ki: Annotated[NotNegativeIntegralGain, Plausible(0.0, 1e18, "N/(m s)")]
+    kd: Annotated[NotNegativeDamping, Plausible(0.0, 1e12, "N s/m")]
+    derivative_time: Annotated[NotNegativeTime, Plausible(0.0, 1e3, "s")]
 
 
 class Cascade(Section):
@@ -45,12 +46,12 @@ class Cascade(Section):
         derivative_time: time constant of the low-pass after that [s].
     """
 
-    position_gain: PositiveNumber
-    velocity_gain: PositiveNumber
-    velocity_integral: NotNegativeNumber = 0.0
+    position_gain: Annotated[PositiveNumber, Plausible(1e-9, 1e9, "1/s")]
+    velocity_gain: Annotated[PositiveNumber, Plausible(1e-9, 1e12, "N s/m")]
+    velocity_integral: Annotated[NotNegativeNumber, Plausible(0.0, 1e15, "N/m")] = 0.0
     feedforward: Annotated[NotNegativeNumber, Field(le=1)] = 0.0
     span: Literal[1, 2] = 1
-    derivative_time: NotNegativeTime = 0.0
+    derivative_time: Annotated[NotNegativeTime, Plausible(0.0, 1e3, "s")] = 0.0
 
 
 @dataclass(frozen=True, slots=True, config=STRICT)
@@ -75,17 +76,17 @@ class Drive(Section):
         quirks: of a simulated drive; the host does not look at them.
     """
 
-    rated_force: PositiveForce
+    rated_force: Annotated[PositiveForce, Plausible(1e-9, 1e9, "N")]
     peak_force: PositiveForce
-    current_bandwidth: PositiveFrequency
-    control_period: PositiveTime
-    position_unit: PositiveLength = 1e-9
-    velocity_unit: PositiveVelocity | None = None
+    current_bandwidth: Annotated[PositiveFrequency, Plausible(1e-3, 1e9, "Hz")]
+    control_period: Annotated[PositiveTime, Plausible(1e-6, 1.0, "s")]
+    position_unit: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")] = 1e-9
+    velocity_unit: Annotated[PositiveVelocity | None, Plausible(1e-15, 1e3, "m/s")] = None
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"
-    acceleration_unit: PositiveAcceleration | None = None
-    boot_timeout: PositiveTime = 2.0
-    enable_timeout: PositiveTime = 2.0
+    acceleration_unit: Annotated[PositiveAcceleration | None, Plausible(1e-15, 1e6, "m/s^2")] = None
+    boot_timeout: Annotated[PositiveTime, Plausible(1e-3, 600.0, "s")] = 2.0
+    enable_timeout: Annotated[PositiveTime, Plausible(1e-3, 600.0, "s")] = 2.0
     revision: Annotated[int, Field(ge=0, le=65_535)] | None = None
     pid: Pid | None = None
     cascade: Cascade | None = None

@@ -20,6 +20,7 @@ from drivers.settings import RealTimeSettings, SyncSource
 from stagectl.config.machine.drive import Drive
 from stagectl.config.machine.effect import GivenEffect
 from stagectl.config.machine.plant import Plant
+from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
     Length,
     NotNegativeLength,
@@ -90,7 +91,7 @@ class Limits(Section):
 
     velocity: PositiveVelocity
     acceleration: PositiveAcceleration
-    jerk: PositiveJerk
+    jerk: Annotated[PositiveJerk, Plausible(1e-9, 1e15, "m/s^3")]
     following_error: PositiveLength
     following_error_time: Milliseconds = 0.01
     position_window: PositiveLength = 1e-6
@@ -104,8 +105,8 @@ class Encoder(Section):
         on_load: simulated on the part that the effect `resonance` hangs from the carriage.
     """
 
-    increment: PositiveLength
-    noise: NotNegativeLength
+    increment: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")]
+    noise: Annotated[NotNegativeLength, Plausible(0.0, 1.0, "m")]
     on_load: bool = False
 
 
@@ -113,8 +114,8 @@ class Homing(Section):
     """Homing of an axis: CiA 402 method, search velocity and index velocity [m/s]."""
 
     method: Annotated[int, Field(ge=-128, le=127)] = 34
-    velocity: PositiveVelocity = 0.01
-    index_velocity: PositiveVelocity = 0.002
+    velocity: Annotated[PositiveVelocity, Plausible(1e-15, 1e6, "m/s")] = 0.01
+    index_velocity: Annotated[PositiveVelocity, Plausible(1e-15, 1e6, "m/s")] = 0.002
 
 
 class Axis(Section):

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
     NotNegativeDamping,
     NotNegativeNumber,
@@ -25,8 +26,8 @@ from stagedata import MAX_ELEMENTS, FrictionFigures, LawName
 class Repeatability(Section):
     """Random variation of the Coulomb force: relative rms, correlation time [s]."""
 
-    coulomb: NotNegativeNumber = 0.0
-    correlation_time: PositiveTime = 0.5
+    coulomb: Annotated[NotNegativeNumber, Plausible(0.0, 1.0)] = 0.0
+    correlation_time: Annotated[PositiveTime, Plausible(1e-9, 1e12, "s")] = 0.5
 
 
 class Friction(Section):
@@ -41,13 +42,13 @@ class Friction(Section):
 
     model: LawName
     elements: Annotated[int, Field(ge=1, le=MAX_ELEMENTS)] | None = None
-    coulomb: PositiveForce
-    static_ratio: Annotated[Number, Field(gt=-1)]
-    stribeck_velocity: PositiveVelocity
-    stribeck_shape: PositiveNumber
-    stiffness: PositiveStiffness | None = None
-    attraction: PositiveForceRate | None = None
-    viscous: NotNegativeDamping
+    coulomb: Annotated[PositiveForce, Plausible(1e-12, 1e9, "N")]
+    static_ratio: Annotated[Number, Field(gt=-1), Plausible(-1.0, 1e3)]
+    stribeck_velocity: Annotated[PositiveVelocity, Plausible(1e-12, 1e6, "m/s")]
+    stribeck_shape: Annotated[PositiveNumber, Plausible(1e-3, 1e3)]
+    stiffness: Annotated[PositiveStiffness | None, Plausible(1e-9, 1e15, "N/m")] = None
+    attraction: Annotated[PositiveForceRate | None, Plausible(1e-12, 1e15, "N/s")] = None
+    viscous: Annotated[NotNegativeDamping, Plausible(0.0, 1e12, "N s/m")]
     repeatability: Repeatability = Repeatability()
 
     @property
@@ -70,5 +71,5 @@ class Plant(Section):
     """The mechanics; `tolerance` is the uncertainty of the parameters (relative, 1 sigma)."""
 
     tolerance: Annotated[NotNegativeNumber, Field(lt=1)]
-    mass: PositiveMass
+    mass: Annotated[PositiveMass, Plausible(1e-9, 1e9, "kg")]
     friction: Friction

@@ -1,73 +1,65 @@
 """Plausible machine parameters: each within a range, and together a machine that can move.
 
-The ranges are wide, some decades beyond any stage ever built: mistaken units are found by their
-dimension, and the ranges of a drive's integers are in `stagectl.config.machine.checks`. Together,
-the drive must have the force to move and to stop the axis, and each length must be within the next
-larger one, so that no threshold is always or never exceeded.
+The ranges, in the annotations of the models, are wide, some decades beyond any stage ever built:
+mistaken units are found by their dimension, and the ranges of a drive's integers are in
+`stagectl.config.machine.checks`. Together, the drive must have the force to move and to stop the
+axis, and each length must be within the next larger one, so that no threshold is always or never
+exceeded.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from stagectl.config.parsing.validation import Section
 
 if TYPE_CHECKING:
     from stagectl.config.machine.model import Axis
 
-RANGES: dict[str, tuple[float, float, str]] = {
-    "limits.jerk": (1e-9, 1e15, "m/s^3"),
-    "encoder.increment": (1e-15, 1.0, "m"),
-    "encoder.noise": (0.0, 1.0, "m"),
-    "drive.rated_force": (1e-9, 1e9, "N"),
-    "drive.current_bandwidth": (1e-3, 1e9, "Hz"),
-    "drive.control_period": (1e-6, 1.0, "s"),
-    "drive.position_unit": (1e-15, 1.0, "m"),
-    "drive.velocity_unit": (1e-15, 1e3, "m/s"),
-    "drive.acceleration_unit": (1e-15, 1e6, "m/s^2"),
-    "drive.boot_timeout": (1e-3, 600.0, "s"),
-    "drive.enable_timeout": (1e-3, 600.0, "s"),
-    "drive.pid.kp": (1e-9, 1e15, "N/m"),
-    "drive.pid.ki": (0.0, 1e18, "N/(m s)"),
-    "drive.pid.kd": (0.0, 1e12, "N s/m"),
-    "drive.pid.derivative_time": (0.0, 1e3, "s"),
-    "drive.cascade.position_gain": (1e-9, 1e9, "1/s"),
-    "drive.cascade.velocity_gain": (1e-9, 1e12, "N s/m"),
-    "drive.cascade.velocity_integral": (0.0, 1e15, "N/m"),
-    "drive.cascade.derivative_time": (0.0, 1e3, "s"),
-    "plant.mass": (1e-9, 1e9, "kg"),
-    "plant.friction.coulomb": (1e-12, 1e9, "N"),
-    "plant.friction.static_ratio": (-1.0, 1e3, ""),
-    "plant.friction.stribeck_velocity": (1e-12, 1e6, "m/s"),
-    "plant.friction.stribeck_shape": (1e-3, 1e3, ""),
-    "plant.friction.stiffness": (1e-9, 1e15, "N/m"),
-    "plant.friction.attraction": (1e-12, 1e15, "N/s"),
-    "plant.friction.viscous": (0.0, 1e12, "N s/m"),
-    "plant.friction.repeatability.coulomb": (0.0, 1.0, ""),
-    "plant.friction.repeatability.correlation_time": (1e-9, 1e12, "s"),
-    "homing.velocity": (1e-15, 1e6, "m/s"),
-    "homing.index_velocity": (1e-15, 1e6, "m/s"),
-}
-"""Key within the axis -> lowest and highest value, unit."""
+Place = tuple[str, ...]
 
 
-def find_implausible(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+class Plausible(NamedTuple):
+    """The range of a parameter, in its annotation.
+
+    Attributes:
+        least, greatest: value.
+        unit: of both; "" for a number.
+    """
+
+    least: float
+    greatest: float
+    unit: str = ""
+
+
+def find_ranges(section: Section, at: Place = ()) -> Iterator[tuple[Place, float, Plausible]]:
+    """The values within the section at `at` that have a range: key, value, range."""
+    for name, field in type(section).model_fields.items():
+        value, path = getattr(section, name), (*at, name)
+        if isinstance(value, Section):
+            yield from find_ranges(value, path)
+        elif value is not None:
+            yield from ((path, value, m) for m in field.metadata if isinstance(m, Plausible))
+
+
+def find_implausible(axis: Axis) -> Iterator[tuple[Place, str]]:
     """Keys within the axis of implausible values, and what they must be."""
-    for key, (least, greatest, unit) in RANGES.items():
-        path = tuple(key.split("."))
-        value = _value(axis, path)
-        if value is not None and value < least:
-            yield path, f"must be at least {least:g} {unit}, is {value:g}"
-        elif value is not None and value > greatest:
-            yield path, f"must be at most {greatest:g}{f' {unit}' if unit else ''}, is {value:g}"
+    for path, value, (least, greatest, unit) in find_ranges(axis):
+        in_unit = f" {unit}" if unit else ""
+        if value < least:
+            yield path, f"must be at least {least:g}{in_unit}, is {value:g}"
+        elif value > greatest:
+            yield path, f"must be at most {greatest:g}{in_unit}, is {value:g}"
 
 
-def find_contradictions(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+def find_contradictions(axis: Axis) -> Iterator[tuple[Place, str]]:
     """Keys within the axis of values that contradict others, and why."""
     yield from _lacking_force(axis)
     yield from _disordered_lengths(axis)
 
 
-def _lacking_force(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+def _lacking_force(axis: Axis) -> Iterator[tuple[Place, str]]:
     """The drive must have the force to move the axis, and to stop it within its travel."""
     limits, plant, friction = axis.limits, axis.plant, axis.plant.friction
     peak, span = axis.drive.peak_force, axis.travel[1] - axis.travel[0]
@@ -85,7 +77,7 @@ def _lacking_force(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("plant", "mass"), f"{reason}, the travel is {span:g} m; {has}"
 
 
-def _disordered_lengths(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+def _disordered_lengths(axis: Axis) -> Iterator[tuple[Place, str]]:
     """Resolution and target window are within the following error, and that within the travel."""
     span, limit = axis.travel[1] - axis.travel[0], axis.limits.following_error
     if span > 0.0 and limit >= span:
@@ -104,11 +96,3 @@ def _disordered_lengths(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
         presliding = friction.coulomb / friction.stiffness
         reason = f"presliding over {presliding:.4g} m (coulomb / stiffness) exceeds the travel"
         yield ("plant", "friction", "stiffness"), reason
-
-
-def _value(node: object, path: tuple[str, ...]) -> float | None:
-    """The value at a path; None if the file has none."""
-    for name in path:
-        node = None if node is None else getattr(node, name)
-    assert node is None or isinstance(node, float)  # noqa: S101 - all keys above are of numbers
-    return node
