@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from typing import Annotated, Final
 
 from annotated_types import Ge, Gt
 from pydantic import BeforeValidator
-from pydantic_core import PydanticCustomError
 
+from stagectl.config.parsing.validation import refusal
 from stagectl.config.parsing.yaml_nodes import describe_value
 from stagectl.plain_text import one_line
 
@@ -177,10 +176,9 @@ def _validator(dimension: Dimension) -> BeforeValidator:
         try:
             return parse_quantity(value, dimension)
         except ValueError as error:
-            raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
+            raise refusal(str(error)) from None
 
-    converter: Callable[[object], float] = convert
-    return BeforeValidator(converter)
+    return BeforeValidator(convert)
 
 
 # Field types of the models: any value, > 0, >= 0.

@@ -137,45 +137,42 @@ def _line(document: Document, model: type[BaseModel], error: ErrorDetails) -> st
     return document.problem(location, _reason(error))
 
 
+_REASONS = {
+    "missing": "is missing",
+    **dict.fromkeys(
+        ("model_type", "model_attributes_type", "dataclass_type", "dict_type", "mapping_type"),
+        "must be a mapping (key: value), {is_what}",
+    ),
+    **dict.fromkeys(("list_type", "tuple_type"), "must be a list, {is_what}"),
+    "greater_than": "must be > {gt:g}, {is_what}",
+    "greater_than_equal": "must be >= {ge:g}, {is_what}",
+    "less_than": "must be < {lt:g}, {is_what}",
+    "less_than_equal": "must be <= {le:g}, {is_what}",
+    **dict.fromkeys(
+        ("int_type", "int_parsing", "int_from_float"), "must be a whole number, {is_what}"
+    ),
+    "string_type": "must be a text, {is_what}",
+    **dict.fromkeys(
+        ("string_too_short", "string_too_long"), "must have 1 to 200 characters, {is_what}"
+    ),
+    "string_pattern_mismatch": "must be a word of at most 32 letters, digits and _, {is_what}",
+    "too_short": "must have at least {min_length} item(s), has {actual_length}",
+    "too_long": "must have at most {max_length} item(s), has {actual_length}",
+    "literal_error": "must be {expected}, {is_what}",
+}
+"""By pydantic's name of what is wrong, with its figures."""
+
+
 def _reason(error: ErrorDetails) -> str:
     kind, value, ctx = error["type"], error["input"], error.get("ctx", {})
+    if kind == "reason":
+        return str(ctx.get("reason", error["msg"]))
     is_what = f"is {describe_value(value)}"
-    match kind:
-        case "missing":
-            return "is missing"
-        case "quantity" | "reason":
-            return str(ctx.get("reason", error["msg"]))
-        case (
-            "model_type" | "model_attributes_type" | "dataclass_type" | "dict_type" | "mapping_type"
-        ):
-            return f"must be a mapping (key: value), {is_what}"
-        case "list_type" | "tuple_type":
-            return f"must be a list, {is_what}"
-        case "greater_than":
-            return f"must be > {ctx['gt']:g}, {is_what}"
-        case "greater_than_equal":
-            return f"must be >= {ctx['ge']:g}, {is_what}"
-        case "less_than":
-            return f"must be < {ctx['lt']:g}, {is_what}"
-        case "less_than_equal":
-            return f"must be <= {ctx['le']:g}, {is_what}"
-        case "int_type" | "int_parsing" | "int_from_float":
-            return f"must be a whole number, {is_what}"
-        case "string_type":
-            hint = " (write it in quotes)" if isinstance(value, (int, float)) else ""
-            return f"must be a text, {is_what}{hint}"
-        case "string_too_short" | "string_too_long":
-            return f"must have 1 to 200 characters, {is_what}"
-        case "string_pattern_mismatch":
-            return f"must be a word of at most 32 letters, digits and _, {is_what}"
-        case "too_short":
-            return f"must have at least {ctx['min_length']} item(s), has {ctx['actual_length']}"
-        case "too_long":
-            return f"must have at most {ctx['max_length']} item(s), has {ctx['actual_length']}"
-        case "literal_error":
-            return f"must be {ctx['expected']}, {is_what}"
-        case _:
-            return one_line(f"{error['msg']}, {is_what}", 300)
+    if kind == "string_type" and isinstance(value, int | float):
+        is_what += " (write it in quotes)"
+    if kind in _REASONS:
+        return _REASONS[kind].format(is_what=is_what, **ctx)
+    return one_line(f"{error['msg']}, {is_what}", 300)
 
 
 def _known_keys(model: type, location: tuple[str | int, ...]) -> list[str]:

@@ -57,6 +57,11 @@ class Mark:
     line: int
     column: int
 
+    @classmethod
+    def after(cls, text: str) -> Mark:
+        """The place where a text ends."""
+        return cls(text.count("\n") + 1, len(text) - text.rfind("\n"))
+
     def __str__(self) -> str:
         return f"{self.line}:{self.column}"
 
@@ -130,6 +135,11 @@ def format_problem(name: str, mark: Mark | None, key: str, reason: str) -> str:
     return ": ".join(part for part in (place, one_line(key), one_line(reason, 400)) if part)
 
 
+def _refusal(name: str, reason: str, mark: Mark | None = None) -> ConfigError:
+    """Of a whole file."""
+    return ConfigError(format_problem(name, mark, "", reason))
+
+
 def describe_value(value: object) -> str:
     """A value as messages show it: `a list`, `'abc'`, `12`."""
     if isinstance(value, bool):
@@ -153,24 +163,20 @@ def read_text(path: Path) -> str:
         with path.open("rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ConfigError(format_problem(name, None, "", "no such file")) from None
+        raise _refusal(name, "no such file") from None
     except IsADirectoryError:
-        reason = "is a directory, not a file"
-        raise ConfigError(format_problem(name, None, "", reason)) from None
+        raise _refusal(name, "is a directory, not a file") from None
     except (OSError, ValueError) as error:
         reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise ConfigError(format_problem(name, None, "", reason)) from None
+        raise _refusal(name, reason) from None
     if len(raw) > MAX_BYTES:
-        reason = f"is larger than {MAX_BYTES // 1024 // 1024} MiB"
-        raise ConfigError(format_problem(name, None, "", reason))
+        raise _refusal(name, f"is larger than {MAX_BYTES // 1024 // 1024} MiB")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        before = raw[: error.start]
-        column = error.start - (before.rfind(b"\n") + 1) + 1
-        mark = Mark(before.count(b"\n") + 1, column)
+        mark = Mark.after(raw[: error.start].decode("latin-1"))
         reason = f"is not UTF-8 text (byte 0x{raw[error.start]:02x})"
-        raise ConfigError(format_problem(name, mark, "", reason)) from None
+        raise _refusal(name, reason, mark) from None
 
 
 def load_document(path: Path | str) -> Document:
@@ -191,7 +197,7 @@ def parse_document(text: str, name: str) -> Document:
     """
     problems: list[str] = []
     if len(text) > MAX_BYTES:
-        raise ConfigError(format_problem(name, None, "", "is too large"))
+        raise _refusal(name, "is too large")
     try:
         root = _Builder(name, problems).build(yaml.parse(text, Loader=_LOADER))
     except yaml.MarkedYAMLError as error:
@@ -201,16 +207,15 @@ def parse_document(text: str, name: str) -> Document:
         reason = f"not valid YAML: {error.problem}{context}"
         if "nesting depth" in str(error.problem):  # PyYAML's limit, from 6.0.4 on, is above ours
             reason = _TOO_DEEP
-        raise ConfigError(format_problem(name, mark, "", reason)) from None
+        raise _refusal(name, reason, mark) from None
     except yaml.reader.ReaderError as error:
-        before = text[: error.position]
-        mark = Mark(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
+        mark = Mark.after(text[: error.position])
         reason = "not a text file: it holds control characters"
-        raise ConfigError(format_problem(name, mark, "", reason)) from None
+        raise _refusal(name, reason, mark) from None
     except (yaml.YAMLError, UnicodeError) as error:
-        raise ConfigError(format_problem(name, None, "", f"not valid YAML: {error}")) from None
+        raise _refusal(name, f"not valid YAML: {error}") from None
     if root is None or root.value is None:
-        raise ConfigError(format_problem(name, Mark(1, 1), "", "is empty"))
+        raise _refusal(name, "is empty", Mark(1, 1))
     return Document(name, without_passwords(text), root, tuple(problems))
 
 
