@@ -298,18 +298,10 @@ def _fault(section: FaultSection, nodes: Nodes) -> sim.Fault:
         ValueError: `key: reason`, where values do not fit each other or the machine.
     """
     match section:
-        case Drop():
-            return sim.Drop(section.frames(nodes))
-        case Duplicate():
-            return sim.Duplicate(section.frames(nodes), section.copies)
-        case Delay():
-            return sim.Delay(section.frames(nodes), section.least, section.most)
-        case Reorder():
-            return sim.Reorder(section.frames(nodes), section.hold)
-        case Resize():
-            return sim.Resize(section.frames(nodes), section.length)
-        case Freeze():
-            return sim.Freeze(section.frames(nodes))
+        case OnFrames():  # the simulator's fault of the same name has the same figures
+            kind: type[sim.FrameFault] = getattr(sim, type(section).__name__)
+            own = section.model_dump(exclude={"fault", *OnFrames.model_fields})
+            return kind(section.frames(nodes), **own)
         case SyncJitter():
             return sim.Delay(section.frames_named("sync", None, nodes), 0.0, section.most)
         case SyncMiss():

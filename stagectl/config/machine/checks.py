@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from drivers.settings import HOST_NODE
 from stagectl.config.machine.plausible import find_contradictions, find_implausible
@@ -29,11 +30,8 @@ BOTH_LOOPS = "cannot be combined with pid: only one of them"
 At = tuple[str | int, ...]
 
 
-class Refuse(Protocol):
-    """Collects problems."""
-
-    def __call__(self, location: At, reason: str) -> None:
-        """Note that the value at `location` is refused for `reason`."""
+Refuse = Callable[[At, str], None]
+"""Notes that the value at a place is refused for a reason."""
 
 
 def check_machine(machine: Machine, document: Document) -> list[str]:
@@ -61,7 +59,6 @@ def check_machine(machine: Machine, document: Document) -> list[str]:
             continue
         before = len(problems)
         _check_ranges(axis, at, refuse)
-        _check_homing(axis, at, refuse)
         _check_drive(axis.drive, (*at, "drive"), refuse)
         _check_friction(axis.plant.friction, (*at, "plant", "friction"), refuse)
         if len(problems) == before:  # else contradictions may only follow from it
@@ -100,7 +97,7 @@ def _check_temperature(machine: Machine, refuse: Refuse) -> None:
 
 
 def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
-    """Travel and limits against the ranges of integers on the bus."""
+    """Travel, limits and homing against the ranges of integers on the bus, and the travel."""
     low, high = axis.travel
     if low >= high:
         refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
@@ -112,52 +109,33 @@ def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
             f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m "
             "(drive.position_unit)",
         )
-    speed, speed_key = _speed_unit(axis.drive)
-    rate = axis.drive.acceleration_count
-    limits = axis.limits
-    for key, value, most, step, dimension, unit_key in (
-        ("velocity", limits.velocity, POSITION_RANGE, speed, "m/s", speed_key),
-        ("acceleration", limits.acceleration, UNSIGNED_RANGE, rate, "m/s^2", "acceleration_unit"),
-        ("following_error", limits.following_error, UNSIGNED_RANGE, unit, "m", "position_unit"),
-        ("position_window", limits.position_window, UNSIGNED_RANGE, unit, "m", "position_unit"),
+    drive, limits, homing = axis.drive, axis.limits, axis.homing
+    speed_key = "position_unit" if drive.velocity_unit is None else "velocity_unit"
+    speed = (drive.velocity_count, "m/s", speed_key)
+    rate = (drive.acceleration_count, "m/s^2", "acceleration_unit")
+    length = (unit, "m", "position_unit")
+    for section, key, value, most, (step, dimension, unit_key) in (
+        ("limits", "velocity", limits.velocity, POSITION_RANGE, speed),
+        ("limits", "acceleration", limits.acceleration, UNSIGNED_RANGE, rate),
+        ("limits", "following_error", limits.following_error, UNSIGNED_RANGE, length),
+        ("limits", "position_window", limits.position_window, UNSIGNED_RANGE, length),
+        ("homing", "velocity", homing.velocity, UNSIGNED_RANGE, speed),
+        ("homing", "index_velocity", homing.index_velocity, UNSIGNED_RANGE, speed),
     ):
         steps = f"{_short(step)}{dimension} steps (drive.{unit_key})"
+        there_and_back = 2.0 * (high - low) / value
         if value >= most * step:
-            refuse(
-                (*at, "limits", key), f"beyond {most * step:.4g} {dimension}, the range of {steps}"
-            )
+            reason = f"beyond {most * step:.4g} {dimension}, the range of {steps}"
         elif round(value / step) < 1 and key != "position_window":  # which may be below one step
-            refuse((*at, "limits", key), f"{value:g} {dimension} is nothing in {steps}")
-
-
-def _check_homing(axis: Axis, at: At, refuse: Refuse) -> None:
-    """Homing velocities against the integers on the bus and against the travel."""
-    homing, limits = axis.homing, axis.limits
-    step, key = _speed_unit(axis.drive)
-    steps = f"{_short(step)}m/s steps (drive.{key})"
+            reason = f"{value:g} {dimension} is nothing in {steps}"
+        elif section == "homing" and there_and_back > LONGEST_HOMING:
+            days = there_and_back / 86_400.0
+            reason = f"at {value:g} m/s the travel there and back takes {days:.0f} days"
+        else:
+            continue
+        refuse((*at, section, key), reason)
     if homing.velocity > limits.velocity:
         refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
-    for name, value in (("velocity", homing.velocity), ("index_velocity", homing.index_velocity)):
-        there_and_back = 2.0 * (axis.travel[1] - axis.travel[0]) / value
-        if value >= UNSIGNED_RANGE * step:
-            refuse(
-                (*at, "homing", name),
-                f"beyond {UNSIGNED_RANGE * step:.4g} m/s, the range of {steps}",
-            )
-        elif round(value / step) < 1:
-            refuse((*at, "homing", name), f"{value:g} m/s is nothing in {steps}")
-        elif there_and_back > LONGEST_HOMING:
-            days = there_and_back / 86_400.0
-            refuse(
-                (*at, "homing", name),
-                f"at {value:g} m/s the travel there and back takes {days:.0f} days",
-            )
-
-
-def _speed_unit(drive: Drive) -> tuple[float, str]:
-    """The unit of velocities on the bus [m/s], and the key that sets it."""
-    key = "position_unit" if drive.velocity_unit is None else "velocity_unit"
-    return drive.velocity_count, key
 
 
 def _check_drive(drive: Drive, at: At, refuse: Refuse) -> None:
