@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from importlib import metadata
 from typing import TYPE_CHECKING, Final, Protocol
 
 from stagectl.errors import ConfigError
+from stagectl.plug_ins import load_plug_in
 
 if TYPE_CHECKING:
     from drivers import Stage
@@ -30,62 +30,28 @@ class Thermometer(Protocol):
         """Temperature [deg C]; any exception means that there is none."""
 
 
-class Scaled:
-    """An integer object of a drive times `scale` plus `offset`.
-
-    Args:
-        read: reads the object.
-        scale: [deg C] per count.
-        offset: [deg C] at 0 counts.
-    """
-
-    def __init__(self, read: Callable[[], int], scale: float, offset: float) -> None:
-        self._read, self._scale, self._offset = read, scale, offset
-
-    def read(self) -> float:
-        """As `Thermometer`."""
-        return self._read() * self._scale + self._offset
-
-
 class LatestTemperature:
     """The last reading of a thermometer, renewed at most once a minute.
 
     Args:
-        thermometer: to read; None where there is none.
+        read: its temperature [deg C], as `Thermometer.read`; None where there is none.
     """
 
-    def __init__(self, thermometer: Thermometer | None) -> None:
-        self._thermometer = thermometer
+    def __init__(self, read: Callable[[], float] | None) -> None:
+        self._read = read
         self._value: float | None = None
         self._asked = -math.inf
 
     def at(self, time: float) -> float | None:
         """Temperature at `time` on the stage's clock [s], as last read [deg C]."""
-        if self._thermometer is not None and time - self._asked >= EVERY:
+        if self._read is not None and time - self._asked >= EVERY:
             self._asked = time
             try:
-                value = float(self._thermometer.read())
+                value = float(self._read())
             except Exception:  # noqa: BLE001  a plug-in, or a drive without the object
                 value = math.nan
             self._value = value if math.isfinite(value) else None
         return self._value
-
-
-def load_plugin(name: str) -> Thermometer:
-    """The thermometer of a plug-in.
-
-    Raises:
-        ConfigError: it is not installed or cannot be loaded.
-    """
-    found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
-    if not found:
-        raise ConfigError(f"plug-in '{name}' is not installed")
-    try:
-        thermometer: Thermometer = found[0].load()()
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise ConfigError(f"plug-in '{name}' cannot be loaded: {reason}") from error
-    return thermometer
 
 
 def plugin_thermometer(machine: Machine) -> Thermometer | None:
@@ -97,10 +63,11 @@ def plugin_thermometer(machine: Machine) -> Thermometer | None:
     if machine.temperature is None or machine.temperature.plugin is None:
         return None
     try:
-        return load_plugin(machine.temperature.plugin)
+        found: Thermometer = load_plug_in(ENTRY_POINTS, machine.temperature.plugin)
     except ConfigError as error:
         place = ("temperature", "plugin")
         raise ConfigError(machine.document.problem(place, str(error))) from error
+    return found
 
 
 def stage_temperature(
@@ -117,8 +84,8 @@ def stage_temperature(
 
     source = machine.temperature
     if source is None or source.plugin is not None:
-        return LatestTemperature(plugin)
+        return LatestTemperature(None if plugin is None else plugin.read)
     index, _, sub = str(source.object).partition(":")
     entry = ObjectRef(int(index, 16), int(sub, 16), "temperature")
     node = next(axis.node for axis in stage.axes if axis.name == source.axis)
-    return LatestTemperature(Scaled(lambda: node.read(entry), source.scale, source.offset))
+    return LatestTemperature(lambda: node.read(entry) * source.scale + source.offset)

@@ -85,20 +85,19 @@ class DryRun:
         return Group(head, table, *(f"note: {note}" for note in self.notes))
 
 
-def dry_run(recipe: Recipe, machine: Machine, start: Pair = (0.0, 0.0), done: int = 0) -> DryRun:
+def dry_run(recipe: Recipe, machine: Machine, done: int = 0) -> DryRun:
     """Walk through the plan without moving.
 
     Args:
         recipe: validated against `machine`.
         machine: to run it on.
-        start: position of the axes at the start [m]; home by default.
         done: sites, or entries of the list of moves, that an interrupted run has finished.
 
     Raises:
         ConfigError: the recipe's fiducial plug-in cannot be loaded.
     """
-    tally = _Tally(recipe, start)
-    for step in plan_from(recipe, done, start):
+    tally = _Tally(recipe)
+    for step in plan_from(recipe, done):
         tally.add(step)
     return DryRun(
         recipe=recipe.name,
@@ -128,7 +127,6 @@ class _Tally:
     """The position in the plan, and the totals so far."""
 
     recipe: Recipe
-    start: Pair
     moves: Counter[str] = field(default_factory=Counter)
     path_length: float = 0.0
     duration: float = 0.0
@@ -137,7 +135,7 @@ class _Tally:
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.position = self.start
+        self.position = (0.0, 0.0)
         self.mark: Pair | None = None
         self.fiducial: Fiducial | None = None
         source = self.recipe.fiducial
@@ -201,7 +199,7 @@ def _limits(recipe: Recipe, machine: Machine, tally: _Tally) -> tuple[LimitUse, 
         for quantity, unit in _UNITS.items():
             used = max((getattr(p, quantity) for p in tally.profiles[k]), default=0.0)
             uses.append(LimitUse(name, quantity, used, getattr(axis.limits, quantity), unit))
-        visited = [position[k] for position in tally.positions] or [tally.start[k]]
+        visited = [position[k] for position in tally.positions] or [0.0]
         uses.append(LimitUse(name, "lowest", min(visited), axis.travel[0], "m"))
         uses.append(LimitUse(name, "highest", max(visited), axis.travel[1], "m"))
     return tuple(uses)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib import metadata
 from typing import Final, Protocol
 
 from stagectl.errors import ConfigError, RunFault
-from stagectl.recipe.model import FiducialSource, ListedMarks, Pair
-from stagectl.recipe.schema import NoMark, PluginMark, SimulatedMark
+from stagectl.plug_ins import load_plug_in
+from stagectl.recipe.model import FiducialSource, Pair
+from stagectl.recipe.schema import PluginMark
 
 ENTRY_POINTS: Final = "stagectl.fiducial"
 
@@ -29,32 +29,6 @@ class Fiducial(Protocol):
             position: nominal position of the site [m].
         """
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Simulated:
-    """Marks drawn uniformly within +-`range` [m] per axis, in whole nm, from seed and site."""
-
-    range: float
-    seed: int
-
-    def find(self, site: int, position: Pair) -> Pair | None:
-        """The offset of the site's mark, always the same for a site."""
-        import numpy as np
-
-        dx, dy = np.random.default_rng((self.seed, site)).uniform(-self.range, self.range, 2)
-        return round(float(dx), 9), round(float(dy), 9)
-
-
-@dataclass(frozen=True, slots=True)
-class Offsets:
-    """Known offsets [m] by site."""
-
-    offsets: dict[int, Pair]
-
-    def find(self, site: int, position: Pair) -> Pair | None:
-        """The offset listed for the site; None if there is none."""
-        return self.offsets.get(site)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,23 +72,9 @@ def make_fiducial(source: FiducialSource, file: str = "") -> Fiducial:
     Raises:
         ConfigError: the plug-in is not installed or cannot be loaded.
     """
-    match source:
-        case SimulatedMark():
-            return Simulated(source.range, source.seed)
-        case ListedMarks():
-            return Offsets(source.offsets)
-        case PluginMark():
-            return _plugin(source.name, f"{file}: " if file else "")
-        case NoMark():
-            return Offsets({})
-
-
-def _plugin(name: str, where: str) -> Plugin:
-    found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
-    if not found:
-        raise ConfigError(f"{where}fiducial plug-in '{name}' is not installed")
+    if not isinstance(source, PluginMark):
+        return source
     try:
-        return Plugin(name, found[0].load()())
-    except Exception as error:
-        reason = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise ConfigError(f"{where}fiducial plug-in '{name}' cannot be loaded: {reason}") from error
+        return Plugin(source.name, load_plug_in(ENTRY_POINTS, source.name))
+    except ConfigError as error:
+        raise ConfigError(f"{file}: fiducial {error}" if file else f"fiducial {error}") from error

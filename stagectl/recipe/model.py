@@ -101,6 +101,10 @@ class ListedMarks:
 
     offsets: dict[int, Pair]
 
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """The offset listed for the site; None if there is none."""
+        return self.offsets.get(site)
+
 
 FiducialSource = SimulatedMark | NoMark | ListedMarks | PluginMark
 

@@ -27,7 +27,6 @@ def read_moves(
     check: Check, items: list[schema.MoveItem], macro: Profile, micro: Profile, at: Location
 ) -> tuple[Move, ...]:
     """The list of moves with complete profiles, checked against the limits."""
-    names = [name for name, _ in check.axes]
     moves: list[Move] = []
     for index, item in enumerate(items):
         here = (*at, index)
@@ -35,22 +34,17 @@ def read_moves(
             case Dwell():
                 moves.append(item)
             case schema.ExciteItem():
-                if (excite := _read_excite(check, item, micro, here)) is not None:
-                    moves.append(excite)
-                else:
-                    moves.append(Dwell(0.0))  # a placeholder, as below
+                excite = _read_excite(check, item, micro, here)
+                moves.append(excite or Dwell(0.0))  # a placeholder, as below
             case schema.RepeatItem():
                 inner = read_moves(check, item.moves, macro, micro, (*here, "moves"))
                 moves.append(Repeat(item.repeat, inner))
             case schema.ToItem():
                 moves.append(To(item.to, item.kind, _read_motion(check, item, macro, micro, here)))
             case schema.ReverseItem():
-                if item.axis not in names:
-                    reason = f"no such axis in the machine{suggest(item.axis, names)}"
-                    check.refuse((*here, "axis"), reason)
+                if (axis := _read_axis(check, item.axis, (*here, "axis"))) is None:
                     moves.append(Dwell(0.0))  # a placeholder keeps the indices of the others
                     continue
-                axis = names.index(item.axis)
                 profile = _read_motion(check, item, macro, micro, here, axis)
                 moves.append(Reverse(item.reverse, axis, item.kind, profile))
     return tuple(moves)
@@ -81,14 +75,20 @@ def check_path(check: Check, moves: tuple[Move, ...]) -> None:
                 check.refuse((*location, key), f"{reason} of axis {name}")
 
 
+def _read_axis(check: Check, axis: str, at: Location) -> int | None:
+    """The number of an axis; None where the machine has none of that name."""
+    names = list(check.machine.axes)
+    if axis in names:
+        return names.index(axis)
+    check.refuse(at, f"no such axis in the machine{suggest(axis, names)}")
+    return None
+
+
 def _read_excite(
     check: Check, item: schema.ExciteItem, micro: Profile, at: Location
 ) -> Excite | None:
     """An excitation, its band below what the SYNC can carry; None where it has problems."""
-    names = [name for name, _ in check.axes]
-    if item.excite not in names:
-        reason = f"no such axis in the machine{suggest(item.excite, names)}"
-        check.refuse((*at, "excite"), reason)
+    if (axis := _read_axis(check, item.excite, (*at, "excite"))) is None:
         return None
     low, high = item.band
     most = MOST_BAND / check.machine.bus.sync_period
@@ -98,7 +98,6 @@ def _read_excite(
         check.refuse((*at, "band"), f"{high:g} Hz is above {most:g} Hz, a quarter of the SYNC's")
     elif item.duration * low < LEAST_PERIODS:
         check.refuse((*at, "duration"), f"is shorter than {LEAST_PERIODS} periods of {low:g} Hz")
-    axis = names.index(item.excite)
     profile = _read_motion(check, item, micro, micro, at, axis)
     return Excite(axis, item.shape, item.amplitude, (low, high), item.duration, profile)
 

@@ -117,12 +117,22 @@ class SimulatedMark:
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     source: Literal["simulated"] = "simulated"
 
+    def find(self, site: int, position: tuple[float, float]) -> tuple[float, float]:
+        """The offset of the site's mark in whole nm, always the same for a site."""
+        import numpy as np
+
+        dx, dy = np.random.default_rng((self.seed, site)).uniform(-self.range, self.range, 2)
+        return round(float(dx), 9), round(float(dy), 9)
+
 
 @dataclass(frozen=True, slots=True, config=STRICT)
 class NoMark:
     """No fiducial, so no micro-move."""
 
     source: Literal["none"] = "none"
+
+    def find(self, site: int, position: tuple[float, float]) -> None:
+        """No site has a mark."""
 
 
 class FileMarks(Section):
