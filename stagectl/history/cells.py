@@ -10,7 +10,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from stagectl.errors import UnusableInput
 from stagectl.plain_text import find_control, one_line
@@ -19,24 +19,15 @@ _LAST = 253402300000.0
 """The end of the year 9999 [s since 1970]; calendars go no further."""
 P = ParamSpec("P")
 R = TypeVar("R")
-
-
-class Named(Protocol):
-    """A history, with the name that messages give it."""
-
-    @property
-    def name(self) -> str:
-        """Of its file or server."""
-
-
-H = TypeVar("H", bound=Named)
+H = TypeVar("H")
+"""A history, with the name that messages give it."""
 
 
 def reads(method: Callable[Concatenate[H, P], R]) -> Callable[Concatenate[H, P], R]:
     """Decorator of a history's reading method: damaged rows raise `UnusableInput`."""
 
     @wraps(method)
-    def read(history: H, /, *arguments: P.args, **keywords: P.kwargs) -> R:
+    def read(history: Any, /, *arguments: P.args, **keywords: P.kwargs) -> R:
         try:
             return method(history, *arguments, **keywords)
         except (ValueError, TypeError, OverflowError, struct.error, RecursionError) as error:

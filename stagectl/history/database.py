@@ -93,10 +93,7 @@ class SqliteDatabase:
             raise NoHistory(f"{self.name}: empty, not a history")
         version = self._number("PRAGMA user_version")
         if version > len(MIGRATIONS):
-            raise UnusableInput(
-                f"{self.name}: tables of version {version}, made by a newer stagectl; this one "
-                f"knows up to {len(MIGRATIONS)}"
-            )
+            raise newer(self.name, version)
         if write:
             self.execute("PRAGMA journal_mode = WAL")
             self.execute("PRAGMA synchronous = NORMAL")
@@ -151,6 +148,14 @@ class SqliteDatabase:
     def close(self) -> None:
         """As `Database`."""
         self._connection.close()
+
+
+def newer(name: str, version: int) -> UnusableInput:
+    """The refusal of tables of a newer version."""
+    return UnusableInput(
+        f"{name}: tables of version {version}, made by a newer stagectl; this one knows up to "
+        f"{len(MIGRATIONS)}"
+    )
 
 
 def _mode_to_read(path: Path) -> str:

@@ -13,9 +13,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.history.sql import History
+from stagectl.plain_text import one_line
 from stagectl.store import (
     FILE_NAME,
     RECORDING_NAME,
@@ -29,6 +32,7 @@ BATCH = 500
 """Estimates filed per transaction."""
 _IN_EVENT = ("run", "axis", "site", "accepted", "reason")
 """Fields of an estimate that its event has anyway, or that only the database knows."""
+_ENTRY, _ESTIMATE = TypeAdapter(RunEntry), TypeAdapter(EstimateRecord)
 _NOTED = tuple(f.name for f in fields(EstimateRecord) if f.name not in _IN_EVENT)
 
 
@@ -93,7 +97,7 @@ def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
             f"{path}: lacks the records that a history needs (made by an older version)"
         )
     try:
-        entry = _entry(run["history"])
+        entry = _ENTRY.validate_python(run["history"])
         where = run["history"]["where"]
         return RecordedRun(
             entry,
@@ -109,38 +113,13 @@ def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
             notes.fault,
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
-
-
-def _entry(note: Mapping[str, Any]) -> RunEntry:
-    stage = StageKey(str(note["stage"]["machine"]), bool(note["stage"]["simulated"]))
-    return RunEntry(
-        stage, tuple(map(str, note["axes"])), float(note["started"]), str(note["recipe"]),
-        _text(note["lot"]), _text(note["wafer"]), str(note["software"]), str(note["folder"]),
-        "calibration" if note["purpose"] == "calibration" else "production",
-        None if note["seed"] is None else int(note["seed"]), str(note["uuid"]),
-        _text(note.get("operator")), _text(note.get("comment")),
-    )  # fmt: skip
+        reason = one_line(f"{type(error).__name__}: {error}", 200)
+        raise UnusableInput(f"{path}: /events: damaged ({reason})") from None
 
 
 def _estimate(event: Mapping[str, Any]) -> EstimateRecord:
-    note = event["record"]
-    (x, y), measured, temperature = note["place"], note["measured"], note["temperature"]
-    return EstimateRecord(
-        run=0, axis=str(event["axis"]), kind=str(note["kind"]),
-        site=None if event["site"] is None else int(event["site"]),
-        place=(float(x), float(y)), time=float(note["time"]), distance=float(note["distance"]),
-        accepted=bool(event["accepted"]), reason=_text(event["reason"]),
-        figures={str(name): float(value) for name, value in note["figures"].items()},
-        covariance=tuple(map(float, note["covariance"])), level=float(note["level"]),
-        measured=None if measured is None else (float(measured[0]), float(measured[1])),
-        temperature=None if temperature is None else float(temperature),
-        number=int(note["number"]),
-    )  # fmt: skip
-
-
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
+    own = {name: event[name] for name in _IN_EVENT if name != "run"}
+    return _ESTIMATE.validate_python({**event["record"], **own, "run": 0})
 
 
 def runs_in(folder: Path) -> list[RecordedRun]:

@@ -6,9 +6,10 @@ Used by the tracking of the run that makes the estimate, and by the history for 
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from stagedata import FrictionFigures
+if TYPE_CHECKING:
+    from estimation.online import Estimate
 
 PRESLIDING_ERROR = 0.006
 """Relative error, besides its sigma, of the level of a move that hardly slid (measured)."""
@@ -21,39 +22,7 @@ JUMP = 5.0
 removing the expectation from it, as from a normal estimate, would overshoot."""
 
 
-class LevelEstimate(Protocol):
-    """What of an estimate concerns the level; see `estimation.online.Estimate`."""
-
-    @property
-    def shown(self) -> tuple[float, float] | None:
-        """Level that the move alone has shown, and its standard deviation [N]; None where none."""
-
-    @property
-    def accepted(self) -> bool:
-        """Whether the model adopted it."""
-
-    @property
-    def friction(self) -> FrictionFigures:
-        """The model afterwards."""
-
-    @property
-    def level(self) -> float:
-        """Factor on its Coulomb force at the end of the move, 1 + w."""
-
-    @property
-    def expected(self) -> tuple[float, float]:
-        """Level before the move and its standard deviation [N]."""
-
-    @property
-    def zones(self) -> str:
-        """Zones used; contains "A" where the axis slid."""
-
-    @property
-    def misfit(self) -> float:
-        """Rms of the whitened residual."""
-
-
-def measured_level(estimate: LevelEstimate) -> tuple[float, float] | None:
+def measured_level(estimate: Estimate) -> tuple[float, float] | None:
     """Fc (1 + w) that a move alone has shown and its standard deviation [N]; None without one.
 
     Args:
@@ -73,7 +42,7 @@ def measured_level(estimate: LevelEstimate) -> tuple[float, float] | None:
     return value, math.hypot(sigma, PRESLIDING_ERROR * value, unexplained * value)
 
 
-def misfit_error(estimate: LevelEstimate) -> float:
+def misfit_error(estimate: Estimate) -> float:
     """Relative error, besides its sigma, of the level of a sliding move with a large misfit.
 
     Where the model does not explain a move, its figure deserves less trust; a step is no less
@@ -82,6 +51,6 @@ def misfit_error(estimate: LevelEstimate) -> float:
     return _unexplained(estimate, SLIDING_MISFIT) if "A" in estimate.zones else 0.0
 
 
-def _unexplained(estimate: LevelEstimate, misfit: tuple[float, float]) -> float:
+def _unexplained(estimate: Estimate, misfit: tuple[float, float]) -> float:
     usual, error = misfit
     return error * max(estimate.misfit - usual, 0.0)

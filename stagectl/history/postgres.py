@@ -14,12 +14,11 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from stagectl.config.history_address import UNNAMED, hide_passwords, shown_address
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.database import NoHistory
+from stagectl.history.database import NoHistory, newer
 from stagectl.history.schema import MIGRATIONS, READABLE
 
 if TYPE_CHECKING:
@@ -85,10 +84,7 @@ class PostgresDatabase:
                 self._connection.read_only = True
             version = self._version()
             if version > len(MIGRATIONS):
-                raise UnusableInput(
-                    f"{self.name}: tables of version {version}, made by a newer stagectl; this "
-                    f"one knows up to {len(MIGRATIONS)}"
-                )
+                raise newer(self.name, version)
             if version < READABLE:
                 problem = "tables of an older version" if version else "no history there"
                 raise (UnusableInput if version else NoHistory)(f"{self.name}: {problem}")
@@ -195,12 +191,7 @@ class Watchdog:
         self._depth += 1
         self._until = time.monotonic() + self.patience
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._depth -= 1
         self._until = time.monotonic() + self.patience if self._depth else math.inf
 

@@ -6,6 +6,7 @@ import json
 import math
 import struct
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from stagectl.errors import StagectlError
@@ -28,6 +29,7 @@ from stagectl.history.records import (
     StepRecord,
     Wear,
 )
+from stagectl.history.sql_maps import ESTIMATES, PLACES, RUNS, insert_into
 from stagectl.history.sql_runs import SqlRuns
 from stagectl.history.sql_series import FAR, covariance, micrometres
 
@@ -35,6 +37,11 @@ _ESTIMATE = (
     "e.run, e.axis, e.kind, e.site, p.x_um, p.y_um, e.time, e.distance, e.accepted, e.reason, "
     "e.figures, e.covariance, e.level, e.measured, e.measured_sigma, e.temperature"
 )
+_ROW = (
+    "run place axis kind site time distance accepted reason figures covariance level "
+    "measured measured_sigma temperature number"
+).split()
+"""Columns of an estimate, in the order of `History._row`."""
 
 
 class History(SqlRuns):
@@ -56,22 +63,12 @@ class History(SqlRuns):
         """Enter a run, unless its uuid exists already; returns its number."""
         with self._database.transaction():
             stage = self._stage_number(run.stage)
-            rows = self._database.execute(
-                "INSERT INTO run (stage, purpose, started, recipe, lot, wafer, software, folder, "
-                "seed, uuid, operator, comment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
-                "ON CONFLICT DO NOTHING RETURNING id",
-                (
-                    stage, run.purpose, run.started, run.recipe, run.lot, run.wafer, run.software,
-                    run.folder, run.seed, run.uuid, run.operator, run.comment,
-                ),
-            )  # fmt: skip
+            row = {name: value for name, value in asdict(run).items() if name != "axes"}
+            rows = self._insert("run", "id", **{**row, "stage": stage})
             if not rows:
                 rows = self._database.execute("SELECT id FROM run WHERE uuid = ?", (run.uuid,))
             for axis in run.axes:
-                self._database.execute(
-                    "INSERT INTO stage_axis (stage, axis) VALUES (?, ?) ON CONFLICT DO NOTHING",
-                    (stage, axis),
-                )
+                self._insert("stage_axis", stage=stage, axis=axis)
         number = int(rows[0][0])
         self._stage_of_run[number] = stage
         return number
@@ -96,12 +93,8 @@ class History(SqlRuns):
     @reads
     def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
         """Uuid and folder of runs with estimates that may be missing, newest first."""
-        rows = self._database.execute(
-            "SELECT r.uuid, r.folder FROM run r JOIN stage s ON s.id = r.stage "
-            "WHERE s.machine = ? AND s.simulated = ? AND r.uuid IS NOT NULL "
-            "AND r.estimates IS NULL ORDER BY r.id DESC LIMIT ?",
-            (stage.machine, int(stage.simulated), last),
-        )
+        newest = "AND r.uuid IS NOT NULL AND r.estimates IS NULL ORDER BY r.id DESC LIMIT ?"
+        rows = self._of_stage(stage, f"SELECT r.uuid, r.folder {RUNS}", newest, last)
         return [(text(uuid, "uuid"), text(folder, "folder")) for uuid, folder in rows]
 
     @reads
@@ -115,13 +108,7 @@ class History(SqlRuns):
         made: dict[tuple[int, int, int], int] = {}
         with self._database.transaction():
             rows = [self._row(estimate, made) for estimate in estimates]
-            self._database.execute_many(
-                "INSERT INTO estimate (run, place, axis, kind, site, time, distance, accepted, "
-                "reason, figures, covariance, level, measured, measured_sigma, temperature, "
-                "number) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
-                "ON CONFLICT DO NOTHING",
-                rows,
-            )
+            self._database.execute_many(insert_into("estimate", _ROW), rows)
         self._places |= made  # committed
 
     @reads
@@ -135,7 +122,7 @@ class History(SqlRuns):
         """The last accepted estimate of each place and axis until `when` [s since 1970]."""
         rows = self._database.execute(
             # One index look-up per place and axis, however long the history is.
-            f"SELECT {_ESTIMATE} FROM place p JOIN stage s ON s.id = p.stage "  # noqa: S608
+            f"SELECT {_ESTIMATE} {PLACES} "  # noqa: S608
             "JOIN stage_axis a ON a.stage = s.id JOIN estimate e ON e.id = ("
             "SELECT l.id FROM estimate l WHERE l.place = p.id "
             "AND l.axis = a.axis AND l.accepted = 1 AND l.time <= ? ORDER BY l.time DESC LIMIT 1) "
@@ -167,47 +154,35 @@ class History(SqlRuns):
     @reads
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """The last refused estimates, newest first."""
-        rows = self._database.execute(
-            f"SELECT {_ESTIMATE} FROM estimate e JOIN place p ON p.id = e.place "  # noqa: S608
-            "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
-            "AND e.accepted = 0 ORDER BY e.time DESC, e.id DESC LIMIT ?",
-            (stage.machine, int(stage.simulated), last),
-        )
+        newest = "AND e.accepted = 0 ORDER BY e.time DESC, e.id DESC LIMIT ?"
+        rows = self._of_stage(stage, f"SELECT {_ESTIMATE} {ESTIMATES}", newest, last)
         return [_estimate(row) for row in rows]
 
     @reads
     def wear(self, stage: StageKey, axis: str, since: float, until: float = math.inf) -> Wear:
         """Moves and distance of an axis after `since`, counting moves with an estimate."""
-        rows = self._database.execute(
-            "SELECT count(*), coalesce(sum(e.distance), 0) FROM estimate e "
-            "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND e.axis = ? AND e.time > ? AND e.time <= ?",
-            (stage.machine, int(stage.simulated), axis, max(since, -FAR), min(until, FAR)),
-        )
+        select = f"SELECT count(*), coalesce(sum(e.distance), 0) {ESTIMATES}"
+        between = "AND e.axis = ? AND e.time > ? AND e.time <= ?"
+        times = (max(since, -FAR), min(until, FAR))
+        rows = self._of_stage(stage, select, between, axis, *times)
         return Wear(int(rows[0][0]), float(rows[0][1]))
 
     def add_step(self, step: StepRecord) -> None:
         """Add a step of the level, unless its number exists already."""
         with self._database.transaction():
             rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (step.run,))
-            where = self._id(
-                "place", ("stage", "x_um", "y_um"), (rows[0][0], *micrometres(step.place))
-            )
-            self._database.execute(
-                "INSERT INTO level_step (run, place, axis, time, change, kind, number) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
-                (step.run, where, step.axis, step.time, step.change, step.kind, step.number),
-            )
+            where = self._place((rows[0][0], *micrometres(step.place)))
+            self._insert("level_step", **{**asdict(step), "place": where})
 
     @reads
     def steps(self, stage: StageKey, since: float = -math.inf) -> list[StepRecord]:
         """Steps of the level in order of time."""
-        rows = self._database.execute(
+        select = (
             "SELECT l.run, l.axis, p.x_um, p.y_um, l.time, l.change, l.kind FROM level_step l "
-            "JOIN place p ON p.id = l.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND l.time > ? ORDER BY l.time, l.id",
-            (stage.machine, int(stage.simulated), max(since, -FAR)),
+            "JOIN place p ON p.id = l.place JOIN stage s ON s.id = p.stage"
         )
+        after = "AND l.time > ? ORDER BY l.time, l.id"
+        rows = self._of_stage(stage, select, after, max(since, -FAR))
         return [
             StepRecord(
                 int(r[0]), text(r[1], "axis"), place(r[2], r[3]), date(r[4]),
@@ -219,18 +194,17 @@ class History(SqlRuns):
     @reads
     def counted(self, stage: StageKey) -> tuple[int, int]:
         """Numbers of accepted and refused estimates."""
-        rows = self._database.execute(
-            "SELECT e.accepted, count(*) FROM estimate e JOIN place p ON p.id = e.place "
-            "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
-            "GROUP BY e.accepted",
-            (stage.machine, int(stage.simulated)),
-        )
-        counts = dict(rows)
+        select = f"SELECT e.accepted, count(*) {ESTIMATES}"
+        counts = dict(self._of_stage(stage, select, "GROUP BY e.accepted"))
         return int(counts.get(1, 0)), int(counts.get(0, 0))
 
     def close(self) -> None:
         """Close it; idempotent."""
         self._database.close()
+
+    def _place(self, key: tuple[int, int, int]) -> int:
+        stage, x, y = key
+        return self._id("place", stage=stage, x_um=x, y_um=y)
 
     def _row(self, e: EstimateRecord, made: dict[tuple[int, int, int], int]) -> tuple[object, ...]:
         stage = self._stage_of_run.get(e.run)
@@ -242,7 +216,7 @@ class History(SqlRuns):
         key = (stage, *micrometres(e.place))
         where = self._places.get(key) or made.get(key)
         if where is None:
-            where = made[key] = self._id("place", ("stage", "x_um", "y_um"), key)
+            where = made[key] = self._place(key)
         measured = e.measured or (None, None)
         return (
             e.run, where, e.axis, e.kind, e.site, e.time, e.distance, int(e.accepted), e.reason,

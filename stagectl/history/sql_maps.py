@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from typing import Any
 
 from stagectl.history.cells import date, reads, text
 from stagectl.history.database import Database
 from stagectl.history.records import Activation, StageKey, StoredMap
+
+RUNS = "FROM run r JOIN stage s ON s.id = r.stage"
+PLACES = "FROM place p JOIN stage s ON s.id = p.stage"
+ESTIMATES = "FROM estimate e JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage"
 
 
 class SqlMaps:
@@ -39,11 +44,9 @@ class SqlMaps:
     @reads
     def maps(self, stage: StageKey) -> list[StoredMap]:
         """All versions in order."""
-        rows = self._database.execute(
-            "SELECT m.number, m.made, m.comment, m.content FROM friction_map m "
-            "JOIN stage s ON s.id = m.stage WHERE s.machine = ? AND s.simulated = ? "
-            "ORDER BY m.number",
-            (stage.machine, int(stage.simulated)),
+        select = "SELECT m.number, m.made, m.comment, m.content FROM friction_map m"
+        rows = self._of_stage(
+            stage, f"{select} JOIN stage s ON s.id = m.stage", "ORDER BY m.number"
         )
         used = self.activations(stage)
         active = used[-1].number if used else None
@@ -64,36 +67,49 @@ class SqlMaps:
             raise ValueError(f"there is no map {number} of {stage}")
         with self._database.transaction():
             owner = self._stage_number(stage)
-            self._database.execute(
-                "INSERT INTO activation (stage, number, time, reason) VALUES (?, ?, ?, ?)",
-                (owner, number, time, reason),
-            )
+            self._insert("activation", stage=owner, number=number, time=time, reason=reason)
 
     @reads
     def activations(self, stage: StageKey) -> list[Activation]:
         """All activations in order of time."""
-        rows = self._database.execute(
-            "SELECT a.number, a.time, a.reason FROM activation a JOIN stage s ON s.id = a.stage "
-            "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.id",
-            (stage.machine, int(stage.simulated)),
-        )
+        select = "SELECT a.number, a.time, a.reason FROM activation a"
+        rows = self._of_stage(stage, f"{select} JOIN stage s ON s.id = a.stage", "ORDER BY a.id")
         return [
             Activation(None if n is None else int(n), date(time), text(reason, "reason"))
             for n, time, reason in rows
         ]
 
-    def _stage_number(self, stage: StageKey) -> int:
-        return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))
+    def _of_stage(
+        self, stage: StageKey, select: str, rest: str = "", *values: object
+    ) -> list[tuple[Any, ...]]:
+        """Rows of a stage: `select` has its table as s, `rest` follows the condition on it."""
+        return self._database.execute(
+            f"{select} WHERE s.machine = ? AND s.simulated = ? {rest}",
+            (stage.machine, int(stage.simulated), *values),
+        )
 
-    def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
+    def _stage_number(self, stage: StageKey) -> int:
+        return self._id("stage", machine=stage.machine, simulated=int(stage.simulated))
+
+    def _insert(self, table: str, returning: str = "", **row: object) -> list[tuple[Any, ...]]:
+        """Insert a row, unless one like it is there; what `returning` names, where it was not."""
+        back = f" RETURNING {returning}" if returning else ""
+        return self._database.execute(insert_into(table, row) + back, list(row.values()))
+
+    def _id(self, table: str, **row: object) -> int:
         """Number of the row with these values, inserted if necessary."""
-        same = " AND ".join(f"{column} = ?" for column in columns)
-        rows = self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
-        if not rows:
-            marks = ", ".join("?" * len(columns))
-            rows = self._database.execute(
-                f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({marks}) "  # noqa: S608
-                f"ON CONFLICT DO NOTHING RETURNING id",
-                values,
-            ) or self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
+        same = " AND ".join(f"{column} = ?" for column in row)
+        select = f"SELECT id FROM {table} WHERE {same}"  # noqa: S608
+        rows = (
+            self._database.execute(select, list(row.values()))
+            or self._insert(table, "id", **row)
+            or self._database.execute(select, list(row.values()))
+        )
         return int(rows[0][0])
+
+
+def insert_into(table: str, columns: Iterable[str]) -> str:
+    """The statement that inserts a row, unless one like it is there."""
+    names = list(columns)
+    values = f"({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
+    return f"INSERT INTO {table} {values} ON CONFLICT DO NOTHING"

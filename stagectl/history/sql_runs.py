@@ -14,13 +14,13 @@ from stagectl.history.records import (
     RunFriction,
     StageKey,
 )
+from stagectl.history.sql_maps import RUNS
 from stagectl.history.sql_series import FAR, SqlSeries, covariance
 from stagectl.plain_text import one_line
 
 _RUN = (
     "r.id, r.started, r.recipe, r.lot, r.wafer, r.software, r.folder, r.purpose, r.seed, r.outcome"
 )
-_OF_STAGE = "FROM run r JOIN stage s ON s.id = r.stage WHERE s.machine = ? AND s.simulated = ?"
 _NEWEST = "ORDER BY r.started DESC, r.id DESC LIMIT ?"
 
 
@@ -30,17 +30,14 @@ class SqlRuns(SqlSeries):
     @reads
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
         """Number, entry and outcome of the last runs, newest first."""
-        rows = self._database.execute(
-            f"SELECT {_RUN} {_OF_STAGE} {_NEWEST}",
-            (stage.machine, int(stage.simulated), last),
-        )
+        rows = self._of_stage(stage, f"SELECT {_RUN} {RUNS}", _NEWEST, last)
         axes = self._axes(stage)
         return [(int(row[0]), _entry(stage, axes, row), _outcome(row)) for row in rows]
 
     @reads
     def friction_of_runs(self, stage: StageKey, wanted: RunFilter) -> list[RunFriction]:
         """The last runs that a filter leaves, newest first, with the friction they have shown."""
-        where, values = "", [stage.machine, int(stage.simulated)]
+        where, values = "", list[object]()
         for column in ("recipe", "lot", "wafer", "purpose"):
             value = getattr(wanted, column)
             if value is not None:
@@ -48,10 +45,7 @@ class SqlRuns(SqlSeries):
                 values.append(value)
         where += " AND r.started >= ? AND r.started <= ?"
         values += [max(wanted.since, -FAR), min(wanted.until, FAR), wanted.last]
-        rows = self._database.execute(
-            f"SELECT {_RUN} {_OF_STAGE}{where} {_NEWEST}",
-            values,
-        )
+        rows = self._of_stage(stage, f"SELECT {_RUN} {RUNS}", f"{where} {_NEWEST}", *values)
         axes = self._axes(stage)
         return [
             RunFriction(int(row[0]), _entry(stage, axes, row), _outcome(row), self._friction(row))
@@ -87,11 +81,8 @@ class SqlRuns(SqlSeries):
 
     @reads
     def _axes(self, stage: StageKey) -> tuple[str, ...]:
-        rows = self._database.execute(
-            "SELECT a.axis FROM stage_axis a JOIN stage s ON s.id = a.stage "
-            "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.axis",
-            (stage.machine, int(stage.simulated)),
-        )
+        select = "SELECT a.axis FROM stage_axis a JOIN stage s ON s.id = a.stage"
+        rows = self._of_stage(stage, select, "ORDER BY a.axis")
         return tuple(text(axis, "axis") for (axis,) in rows)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from stagectl.history.cells import date, figures, number, optional_number, place, reads, text
 from stagectl.history.records import F64, Measurement, Pair, StageKey, Trend
-from stagectl.history.sql_maps import SqlMaps
+from stagectl.history.sql_maps import ESTIMATES, PLACES, SqlMaps
 
 FAR = 1e18  # beyond any time [s]; the databases have no common infinity
 
@@ -42,23 +42,21 @@ class SqlSeries(SqlMaps):
     @reads
     def places(self, stage: StageKey) -> list[Pair]:
         """Places with accepted estimates [m]."""
-        rows = self._database.execute(
-            "SELECT p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
-            "WHERE s.machine = ? AND s.simulated = ? AND EXISTS (SELECT 1 FROM estimate e "
-            "WHERE e.place = p.id AND e.accepted = 1) ORDER BY p.y_um, p.x_um",
-            (stage.machine, int(stage.simulated)),
+        known = (
+            "AND EXISTS (SELECT 1 FROM estimate e WHERE e.place = p.id AND e.accepted = 1) "
+            "ORDER BY p.y_um, p.x_um"
         )
+        rows = self._of_stage(stage, f"SELECT p.x_um, p.y_um {PLACES}", known)
         return [place(x, y) for x, y in rows]
 
     @reads
     def newest(self, stage: StageKey) -> float | None:
         """Time of the last estimate [s since 1970]; None where there is none."""
-        rows = self._database.execute(
-            "SELECT e.time FROM estimate e JOIN run r ON r.id = e.run JOIN stage s "
-            "ON s.id = r.stage WHERE s.machine = ? AND s.simulated = ? "
-            "ORDER BY e.time DESC LIMIT 1",
-            (stage.machine, int(stage.simulated)),
+        select = (
+            "SELECT e.time FROM estimate e JOIN run r ON r.id = e.run "
+            "JOIN stage s ON s.id = r.stage"
         )
+        rows = self._of_stage(stage, select, "ORDER BY e.time DESC LIMIT 1")
         return date(rows[0][0]) if rows else None
 
     @reads
@@ -83,11 +81,8 @@ class SqlSeries(SqlMaps):
             last: at most this many, the last ones.
             apart: least time between two of them, counted back from the last one [s].
         """
-        numbers = self._database.execute(
-            "SELECT p.id FROM place p JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND p.x_um = ? AND p.y_um = ?",
-            (stage.machine, int(stage.simulated), *micrometres(place)),
-        )
+        here = "AND p.x_um = ? AND p.y_um = ?"
+        numbers = self._of_stage(stage, f"SELECT p.id {PLACES}", here, *micrometres(place))
         if not numbers:
             return _trend([])
         key = (int(numbers[0][0]), axis)
@@ -112,22 +107,15 @@ class SqlSeries(SqlMaps):
             each: at most this many of every place and axis, the last ones.
             apart: as in `trend`.
         """
-        mine = (stage.machine, int(stage.simulated))
         if each is None and not apart:
-            rows = self._database.execute(
-                f"SELECT e.axis, p.x_um, p.y_um, {_LEVEL} FROM estimate e "  # noqa: S608
-                "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage "
-                f"WHERE s.machine = ? AND s.simulated = ? AND {_MEASURED} "
-                "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
-                (*mine, max(since, -FAR), min(until, FAR)),
-            )
+            select = f"SELECT e.axis, p.x_um, p.y_um, {_LEVEL} {ESTIMATES}"
+            between = f"AND {_MEASURED} AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id"
+            times = (max(since, -FAR), min(until, FAR))
+            rows = self._of_stage(stage, select, between, *times)
             return [_measurement(*row) for row in rows]
-        keys = self._database.execute(
-            "SELECT p.id, a.axis, p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
-            "JOIN stage_axis a ON a.stage = s.id WHERE s.machine = ? AND s.simulated = ? "
-            "ORDER BY p.id, a.axis",
-            mine,
-        )
+        select = f"SELECT p.id, a.axis, p.x_um, p.y_um {PLACES}"
+        axes = "JOIN stage_axis a ON a.stage = s.id"
+        keys = self._of_stage(stage, f"{select} {axes}", "ORDER BY p.id, a.axis")
         part = _Part(">", since, until, each, apart)
         found = [
             _measurement(axis, x, y, *row)

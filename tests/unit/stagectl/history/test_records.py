@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
-from stagectl.history import EstimateRecord, RunEntry, StageKey
+from stagectl.history import RunEntry, StageKey
 
 
-def estimate(**changes: Any) -> EstimateRecord:
-    return EstimateRecord(
-        **{
-            "run": 1, "axis": "x", "kind": "macro", "site": 3, "place": (0.0, 0.01), "time": 1.7e9,
-            "distance": 0.02, "accepted": True, "reason": None,
-            "figures": {"coulomb": 6.0, "viscous": 20.0},
-            "covariance": (0.04, 0.01, 0.01, 0.25), **changes,
-        }
-    )  # fmt: skip
-
-
-def test_a_covariance_that_does_not_fit_its_figures_is_refused() -> None:
+def test_a_covariance_that_does_not_fit_its_figures_is_refused(an_estimate) -> None:
     with pytest.raises(ValueError, match="covariance: 3 entries for 2 figures"):
-        estimate(covariance=(0.04, 0.01, 0.25))
+        an_estimate(1, covariance=(0.04, 0.01, 0.25))
 
 
-def test_a_sigma_is_the_root_of_its_place_on_the_diagonal() -> None:
-    assert estimate().sigma("coulomb") == pytest.approx(0.2)
-    assert estimate().sigma("viscous") == pytest.approx(0.5)
-    assert estimate(covariance=(-1e-18, 0.0, 0.0, 0.25)).sigma("coulomb") == 0.0  # rounding
+def test_a_sigma_is_the_root_of_its_place_on_the_diagonal(an_estimate) -> None:
+    assert an_estimate(1).sigma("coulomb") == pytest.approx(0.2)
+    assert an_estimate(1).sigma("viscous") == pytest.approx(0.5)
+    assert an_estimate(1, covariance=(-1e-18, 0.0, 0.0, 0.25)).sigma("coulomb") == 0.0  # rounding
     with pytest.raises(ValueError, match="stiffness"):
-        estimate().sigma("stiffness")
+        an_estimate(1).sigma("stiffness")
 
 
 def test_simulated_and_real_stages_of_a_name_are_two() -> None:
@@ -40,8 +28,8 @@ def test_simulated_and_real_stages_of_a_name_are_two() -> None:
     assert str(StageKey("wafer-xy", False)) == "wafer-xy"
 
 
-def test_what_only_a_run_knows_of_itself_does_not_make_its_row_another() -> None:
+def test_what_only_a_run_knows_of_itself_does_not_make_its_row_another(an_estimate) -> None:
     entry = RunEntry(StageKey("m", False), ("x",), 0.0, "r", None, None, "stagectl 0.1", "f")
     assert replace(entry, uuid="a", operator="me", comment="c") == entry
     assert replace(entry, wafer="W1") != entry
-    assert estimate(number=7) == estimate()
+    assert an_estimate(1, number=7) == an_estimate(1)
