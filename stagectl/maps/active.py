@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stagectl.config.machine import Machine
+from stagectl.errors import UnusableInput
 from stagectl.history import EstimateRecord, History, Pair, StageKey
+from stagectl.history.records import StoredMap
 from stagectl.maps.applicable import problems
 from stagectl.maps.learning import figure_drift, limit_per_place, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
@@ -41,13 +43,12 @@ def map_versions(history: History, stage: StageKey) -> list[MapVersion]:
     Raises:
         UnusableInput: one of them cannot be read.
     """
-    return [
-        MapVersion(
-            stored.number, stored.made, stored.comment, stored.active,
-            from_json(stored.content, f"{history.name}: map {stored.number}"),
-        )
-        for stored in history.maps(stage)
-    ]  # fmt: skip
+    return [_version(history, stored) for stored in history.maps(stage)]
+
+
+def _version(history: History, stored: StoredMap) -> MapVersion:
+    built = from_json(stored.content, f"{history.name}: map {stored.number}")
+    return MapVersion(stored.number, stored.made, stored.comment, stored.active, built)
 
 
 def load_active(
@@ -72,18 +73,14 @@ def load_active(
     stored = [m for m in history.maps(stage) if m.active]
     if not stored:
         return None
-    version = MapVersion(
-        stored[0].number, stored[0].made, stored[0].comment, True,
-        from_json(stored[0].content, f"{history.name}: map {stored[0].number}"),
-    )  # fmt: skip
+    version = _version(history, stored[0])
     refuse_unless_applicable(version, machine, history.name)
     friction_map = version.map
     each = limit_per_place(history, stage, REPLAYED)
     since = history.measurements(stage, friction_map.date, started, each)
     places = TrackedPlaces(
         friction_map,
-        tuple(machine.axes),
-        [axis.travel for axis in machine.axes.values()],
+        machine,
         sites,
         tracking_settings(machine, history, stage),
         started,
@@ -126,8 +123,6 @@ def refuse_unless_applicable(version: MapVersion, machine: Machine, name: str) -
     Raises:
         UnusableInput: naming map and reason.
     """
-    from stagectl.errors import UnusableInput
-
     grave = [p.text for p in problems(version.map, machine) if p.grave]
     if grave:
         raise UnusableInput(f"{name}: map {version.number} cannot be applied: {grave[0]}")

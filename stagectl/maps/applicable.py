@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from stagectl.config.machine import Axis, Machine
+from stagectl.config.machine import Machine
 from stagectl.history import Pair
 from stagectl.maps.build import LEAST_SITES
 from stagectl.maps.model import FrictionMap, MapAxis, MapVersion
@@ -41,22 +41,23 @@ class Problem:
 
 def problems(friction_map: FrictionMap, machine: Machine) -> list[Problem]:
     """Objections to using a map on a machine, the grave ones first."""
-    found: list[Problem] = []
+    return sorted(_problems(friction_map, machine), key=lambda problem: not problem.grave)
+
+
+def _problems(friction_map: FrictionMap, machine: Machine) -> Iterator[Problem]:
     if friction_map.stage.machine != machine.name:
-        found.append(
-            Problem(True, f"it is of {friction_map.stage.machine}, the machine is {machine.name}")
-        )
+        said = f"it is of {friction_map.stage.machine}, the machine is {machine.name}"
+        yield Problem(True, said)
     for name, axis in friction_map.axes.items():
         if name not in machine.axes:
-            found.append(Problem(True, f"axis {name}: the machine has none"))
+            yield Problem(True, f"axis {name}: the machine has none")
         else:
-            found += _axis(name, axis, machine)
-    found += [
-        Problem(False, f"axis {name}: not in the map; it is learned by itself as without one")
-        for name in machine.axes
-        if name not in friction_map.axes
-    ]
-    return sorted(found, key=lambda problem: not problem.grave)
+            for grave, text in _of_axis(axis, name, machine):
+                yield Problem(grave, f"axis {name}: {text}")
+    for name in machine.axes:
+        if name not in friction_map.axes:
+            said = f"axis {name}: not in the map; it is learned by itself as without one"
+            yield Problem(False, said)
 
 
 def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Problem]:
@@ -76,9 +77,8 @@ def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Prob
     if days > AGED:
         return [Problem(False, said)]
     if days < -1.0:
-        return [
-            Problem(False, "what it stands for is still to come: is this computer's clock right?")
-        ]
+        said = "what it stands for is still to come: is this computer's clock right?"
+        return [Problem(False, said)]
     return []
 
 
@@ -91,67 +91,50 @@ def sites_outside(version: MapVersion, sites: Sequence[Pair]) -> list[str]:
         inside &= axis.field().at(np.array(sites)).inside
     if inside.all():
         return []
-    x, y = sites[int(inside.argmin())]
+    first = _mm(sites[int(inside.argmin())])
     return [
         f"friction map {version.number} ends short of {np.sum(~inside)} of {len(sites)} sites, the "
-        f"first at ({x * 1e3:g}, {y * 1e3:g}) mm: the value at its edge stands there, with more "
-        "doubt the further away"
+        f"first at {first}: the value at its edge stands there, with more doubt the further away"
     ]
 
 
-def _axis(name: str, axis: MapAxis, machine: Machine) -> list[Problem]:
-    found: list[Problem] = []
-    first, second = list(machine.axes.values())[:2]
-    outside = [s.place for s in axis.sites if not _inside(s.place, first, second)]
+def _of_axis(axis: MapAxis, name: str, machine: Machine) -> Iterator[tuple[bool, str]]:
+    """Objections to an axis of a map: whether grave, and what."""
+    travels = [own.travel for own in machine.axes.values()]
+    outside = [
+        site.place
+        for site in axis.sites
+        if not all(low <= p <= high for p, (low, high) in zip(site.place, travels, strict=False))
+    ]
     if outside:
-        x, y = outside[0]
-        found.append(
-            Problem(
-                True,
-                f"axis {name}: site ({x * 1e3:g}, {y * 1e3:g}) mm is outside the travel"
-                + (f", and {len(outside) - 1} more" if len(outside) > 1 else ""),
-            )
-        )
+        more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
+        yield True, f"site {_mm(outside[0])} is outside the travel{more}"
     if len(axis.sites) < LEAST_SITES:
-        found.append(Problem(True, f"axis {name}: only {len(axis.sites)} sites"))
-        return found
+        yield True, f"only {len(axis.sites)} sites"
+        return
     stated = machine.axes[name].plant.friction.coulomb
     ratios = [site.coulomb / stated for site in axis.sites]
     low, high = min(ratios), max(ratios)
+    said = f"{low:.2g} to {high:.2g} times the machine file's Coulomb force"
     if low < FAR_OFF[0] or high > FAR_OFF[1]:
-        found.append(
-            Problem(True, f"axis {name}: {low:.2g} to {high:.2g} times the machine file's Coulomb "
-                    "force: not this stage's")
-        )  # fmt: skip
+        yield True, f"{said}: not this stage's"
     elif low < UNUSUAL[0] or high > UNUSUAL[1]:
-        found.append(
-            Problem(False, f"axis {name}: {low:.2g} to {high:.2g} times the machine file's Coulomb "
-                    "force")
-        )  # fmt: skip
+        yield False, said
     unsure = [site for site in axis.sites if not site.sigma <= UNSURE]
     if len(unsure) > len(axis.sites) / 2:
-        found.append(
-            Problem(True, f"axis {name}: most sites are not known to {100 * UNSURE:.0f} %")
-        )  # fmt: skip
+        yield True, f"most sites are not known to {100 * UNSURE:.0f} %"
     elif unsure:
-        found.append(
-            Problem(False, f"axis {name}: {len(unsure)} sites not known to {100 * UNSURE:.0f} %")
-        )
+        yield False, f"{len(unsure)} sites not known to {100 * UNSURE:.0f} %"
     error, sigma = axis.field().left_out()
     score = np.abs(error) / np.maximum(sigma, 1e-9)
     worst = int(score.argmax())
     if math.isfinite(float(sigma[worst])) and score[worst] > ODD:
-        x, y = axis.sites[worst].place
-        found.append(
-            Problem(
-                False,
-                f"axis {name}: site ({x * 1e3:g}, {y * 1e3:g}) mm is "
-                f"{100 * math.expm1(float(error[worst])):+.0f} % off what its neighbours say: a "
-                "spot, or a bad calibration",
-            )
+        yield (
+            False,
+            f"site {_mm(axis.sites[worst].place)} is {100 * math.expm1(float(error[worst])):+.0f} "
+            "% off what its neighbours say: a spot, or a bad calibration",
         )
-    return found
 
 
-def _inside(place: tuple[float, float], first: Axis, second: Axis) -> bool:
-    return all(a.travel[0] <= p <= a.travel[1] for p, a in zip(place, (first, second), strict=True))
+def _mm(place: Pair) -> str:
+    return f"({place[0] * 1e3:g}, {place[1] * 1e3:g}) mm"

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from estimation.field import FrictionField, Observation, SiteTracker, TrackingSettings
+from estimation.field import FrictionField, SiteTracker, TrackingSettings
 from estimation.online import Estimate
+from stagectl.config.machine import Machine
 from stagectl.history.measured import measured_level, misfit_error
 from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
@@ -66,35 +67,31 @@ class TrackedPlaces:
 
     Args:
         friction_map: active.
-        axes: names in the machine's order; nothing is known of those that the map lacks.
-        travel: lowest and highest position of each axis [m].
+        machine: nothing is known of those of its axes that the map lacks.
         sites: that the run will visit [m].
         settings: of the tracking, by axis.
         origin: of the stage's time [s since 1970].
-        on_step: called with each step of the level; may be set later.
 
     Attributes:
         sites: tracked places, those of the map and those visited [m].
         trackers: of the sites, by axis.
-        origin, on_step: as above.
+        origin: as above.
+        on_step: called with each step of the level, by default to no effect.
     """
 
     def __init__(
         self,
         friction_map: FrictionMap,
-        axes: Sequence[str],
-        travel: Sequence[Pair],
+        machine: Machine,
         sites: Sequence[Pair],
         settings: Mapping[str, TrackingSettings],
         origin: float,
-        on_step: Callable[[LevelStepped], object] = lambda _: None,
     ) -> None:
-        self._names = tuple(axes)
+        self._names = tuple(machine.axes)
         self.origin = origin
-        self.on_step = on_step
-        self._settings = {name: settings.get(name, TrackingSettings()) for name in axes}
-        low = (travel[0][0], travel[1][0])
-        high = (travel[0][1], travel[1][1])
+        self.on_step: Callable[[LevelStepped], object] = lambda _: None
+        first, second, *_ = (axis.travel for axis in machine.axes.values())
+        low, high = zip(first, second, strict=True)
         known = [site.place for axis in friction_map.axes.values() for site in axis.sites]
         self.sites: list[Pair] = []
         self._index = PlaceIndex(SITE_RADIUS)
@@ -108,9 +105,8 @@ class TrackedPlaces:
             field = self._fields[name] = axis.field()
             self._grids[name] = LevelGrid(field, low, high)
             mean, covariance = field.joint(np.array(self.sites))
-            self.trackers[name] = SiteTracker(
-                mean, covariance, self._settings[name], friction_map.date
-            )
+            own = settings.get(name, TrackingSettings())
+            self.trackers[name] = SiteTracker(mean, covariance, own, friction_map.date)
         self._width = self._site_width()
         self._place: Pair | None = None
         self._target: int | None = None
@@ -165,16 +161,11 @@ class TrackedPlaces:
             self._target, math.log(value), sigma / value, self.origin + time, misfit_error(estimate)
         )
         if seen.step is not None:
-            self._report_step(name, seen, time)
+            place, everywhere = self.sites[self._target], seen.step == "common"
+            self.on_step(LevelStepped(name, place, time, seen.change, everywhere))
         elif kind != "macro":
             return None
         return self._expectation(name, time)
-
-    def _report_step(self, name: str, seen: Observation, time: float) -> None:
-        assert self._target is not None  # noqa: S101
-        self.on_step(
-            LevelStepped(name, self.sites[self._target], time, seen.change, seen.step == "common")
-        )
 
     def _expectation(self, name: str, time: float) -> Expectation | None:
         if name not in self.trackers or self._target is None:

@@ -78,8 +78,7 @@ def restore_snapshot(note: Mapping[str, Any], machine: Machine, name: str) -> Ac
     }
     places = TrackedPlaces(
         version.map,
-        tuple(machine.axes),
-        [axis.travel for axis in machine.axes.values()],
+        machine,
         [(float(x), float(y)) for x, y in note["sites"]],
         {axis: tracker.settings for axis, tracker in trackers.items()},
         float(note["origin"]),

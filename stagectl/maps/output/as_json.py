@@ -68,9 +68,7 @@ def versions_as_json(
             }
             for version in versions
         ],
-        "used": [
-            {"map": entry.number, "time": entry.time, "reason": entry.reason} for entry in used
-        ],
+        "used": [{"map": one.number, "time": one.time, "reason": one.reason} for one in used],
     }
 
 
@@ -87,13 +85,7 @@ def changes_as_json(
                 "common": change.common,
                 "own": change.own,
                 "sites": [
-                    {
-                        "place": list(site.place),
-                        "change": site.change,
-                        "sigma": site.sigma,
-                        "significant": site.significant,
-                    }
-                    for site in change.sites
+                    asdict(site) | {"significant": site.significant} for site in change.sites
                 ],
             }
             for change in changes

@@ -119,10 +119,8 @@ def _run(number: int, runs: Mapping[int, RunEntry]) -> dict[str, Cell]:
     if number not in runs:
         raise UnusableInput(f"an estimate is of run {number}, which the history does not have")
     run = runs[number]
-    return {
-        "run": number, "purpose": run.purpose, "recipe": run.recipe, "lot": run.lot,
-        "wafer": run.wafer, "software": run.software,
-    }  # fmt: skip
+    names = ("purpose", "recipe", "lot", "wafer", "software")
+    return {"run": number, **{name: getattr(run, name) for name in names}}
 
 
 def _table(rows: Sequence[Mapping[str, Cell]]) -> Table:
@@ -154,18 +152,13 @@ def write_table(table: Table, path: Path) -> None:
 def _as_text(cell: Cell) -> Cell:
     """A cell for CSV; a text that a spreadsheet would run as a formula gets an apostrophe."""
     if isinstance(cell, datetime):
-        return iso(cell)
+        return cell.isoformat(timespec="milliseconds")
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
 
 
 def _when(time: float) -> datetime:
     """Seconds since 1970 as a time in UTC."""
     return datetime.fromtimestamp(time, UTC)
-
-
-def iso(time: datetime) -> str:
-    """ISO 8601, to the millisecond."""
-    return time.isoformat(timespec="milliseconds")
 
 
 def _parquet(table: Table) -> bytes:

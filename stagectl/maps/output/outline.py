@@ -26,9 +26,9 @@ _FIGURES = {
 """Labels of the figures that are the same over the whole table."""
 
 
-def day(time: float, seconds: bool = False) -> str:
+def day(time: float) -> str:
     """Seconds since 1970 as date and time in UTC."""
-    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M{':%S' if seconds else ''}}"
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M}"
 
 
 def map_outline(

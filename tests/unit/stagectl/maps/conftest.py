@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from stagectl.config import load_machine
 from stagectl.history import EstimateRecord, RunEntry, StageKey, open_history
-from stagectl.maps import build_map, map_versions, to_json
+from stagectl.maps import build_map, load_active, map_versions, to_json
 
 STAGE = StageKey("wafer-xy", True)
 BEGIN = 1.7e9
@@ -69,6 +70,44 @@ def two_versions(history, everywhere=1.0):
     calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=everywhere, seed=2)
     keep(history, BEGIN + 5000)
     return map_versions(history, STAGE)
+
+
+@pytest.fixture
+def versions(history):
+    return two_versions(history)
+
+
+@pytest.fixture
+def warmer(history):
+    """The same with the whole table 30 % up."""
+    return two_versions(history, everywhere=1.3)
+
+
+def activated(history, sites, started=BEGIN + 120):
+    """The map of a calibration, active in a run that visits these sites."""
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    return load_active(history, STAGE, load_machine(), sites, started)
+
+
+def file(history, started, rows, purpose="production"):
+    """A run with these estimates: axis, kind, site, place, time, figures, level shown [N].
+
+    All figures are known to 1 %.
+    """
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), started, "r", None, None, "s", "f", purpose)
+    )
+    history.add([
+        EstimateRecord(
+            number, axis, kind, site, place, time, 1e-3, True, None, figures,
+            tuple(np.diag([(0.01 * v) ** 2 for v in figures.values()]).ravel().tolist()),
+            1.0, shown,
+        )
+        for axis, kind, site, place, time, figures, shown in rows
+    ])  # fmt: skip
+    return number
 
 
 def printed(part):

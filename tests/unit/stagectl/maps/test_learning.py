@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from stagectl.history import EstimateRecord, RunEntry
 from stagectl.maps.learning import figure_drift
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, file
 
 
 def test_drift_is_learned_per_axis_and_figure(history):
@@ -19,21 +18,13 @@ def test_drift_is_learned_per_axis_and_figure(history):
     }
     for day in range(days):
         at = BEGIN + day * 86400.0
-        number = history.start_run(
-            RunEntry(STAGE, ("x", "y"), at, "cal", None, None, "s", "f", "calibration")
-        )
-        history.add(
-            [
-                EstimateRecord(
-                    number, axis, "other", i + 1, place, at + i, 1e-3, True, None,
-                    {"coulomb": 6.0, "viscous": 20.0 * math.exp(walk[axis][day, i]),
-                     "stiffness": 7e5},
-                    (0.01, 0, 0, 0, 0.01, 0, 0, 0, 49e6), 1.0, (6.0, 0.02),
-                )
-                for i, place in enumerate(places)
-                for axis in "xy"
-            ]
-        )  # fmt: skip
+        rows = [
+            (axis, "other", i + 1, place, at + i,
+             {"coulomb": 6.0, "viscous": 20.0 * math.exp(walk[axis][day, i]), "stiffness": 7e5},
+             (6.0, 0.02))
+            for i, place in enumerate(places) for axis in "xy"
+        ]  # fmt: skip
+        file(history, at, rows, "calibration")
     drift = figure_drift(history, STAGE, ("x", "y"))
     assert set(drift["x"]) == {"viscous", "stiffness"}  # the Coulomb force is the tracking's
     gap = 1.0 / 86400.0  # a day's walk, in the second from one move to the next

@@ -4,19 +4,15 @@ import numpy as np
 import pytest
 
 from stagectl.config.machine.file import load_machine
-from stagectl.maps import TrackedPlaces, load_active
+from stagectl.maps import TrackedPlaces
 from tests.unit.stagectl.calls import count_calls
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, estimate, keep, level
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, activated, estimate, level
 
 
 def test_in_production_a_site_is_known_on_arrival_and_its_step_is_detected(history):
-    calibrate(history)
-    number, _ = keep(history, BEGIN)
-    history.activate(STAGE, number, BEGIN, "activated")
-    machine = load_machine()
     unseen = (0.011, 0.009)
-    active = load_active(history, STAGE, machine, [unseen], BEGIN + 120)
-    assert active.version.number == number
+    active = activated(history, [unseen])
+    assert active.version.number == 1
     assert active.figures["x"]["viscous"] == (20.0, pytest.approx(0.1**0.5))
     places, steps = active.places, []
     places.on_step = steps.append
@@ -43,17 +39,10 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_detected(histo
 
 
 def test_sites_of_a_run_are_told_apart_without_comparing_each_with_each(history):
-    calibrate(history)
-    number, _ = keep(history, BEGIN)
-    history.activate(STAGE, number, BEGIN, "activated")
-    known = load_active(history, STAGE, load_machine(), GRID, BEGIN + 120)
-    machine = load_machine()
+    known, machine = activated(history, GRID), load_machine()
 
     def work(count):
         sites = [(-0.06 + 0.004 * (i % 30), -0.06 + 0.004 * (i // 30)) for i in range(count)]
-        travel = [axis.travel for axis in machine.axes.values()]
-        return count_calls(
-            lambda: TrackedPlaces(known.version.map, ("x", "y"), travel, sites, {}, BEGIN)
-        )
+        return count_calls(lambda: TrackedPlaces(known.version.map, machine, sites, {}, BEGIN))
 
     assert work(600) < 3 * work(300)

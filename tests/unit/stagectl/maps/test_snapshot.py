@@ -7,16 +7,13 @@ import pytest
 
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.maps import load_active, restore_snapshot, take_snapshot
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, estimate, keep, level
+from stagectl.maps import restore_snapshot, take_snapshot
+from tests.unit.stagectl.maps.conftest import GRID, activated, estimate, level
 
 
 @pytest.fixture
 def active(history):
-    calibrate(history)
-    number, _ = keep(history, BEGIN)
-    history.activate(STAGE, number, BEGIN, "activated")
-    return load_active(history, STAGE, load_machine(), [GRID[7]], BEGIN + 120)
+    return activated(history, [GRID[7]])
 
 
 def work(places):

@@ -13,13 +13,7 @@ from tests.unit.stagectl.maps.conftest import (
     GRID,
     STAGE,
     level,
-    two_versions,
 )
-
-
-@pytest.fixture
-def versions(history):
-    return two_versions(history)
 
 
 def through_json(value):

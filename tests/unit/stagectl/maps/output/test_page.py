@@ -9,12 +9,7 @@ from stagectl.history import Trend
 from stagectl.maps import draw_maps
 from stagectl.maps.output.page import MOST, trend_chart
 from stagectl.maps.output.surface import surface
-from tests.unit.stagectl.maps.conftest import BEGIN, two_versions
-
-
-@pytest.fixture
-def versions(history):
-    return two_versions(history, everywhere=1.3)
+from tests.unit.stagectl.maps.conftest import BEGIN
 
 
 def scale(picture):
@@ -23,8 +18,8 @@ def scale(picture):
     return float(numbers[0]), float(numbers[2])
 
 
-def test_maps_that_are_compared_have_one_scale(versions):
-    first, second = versions
+def test_maps_that_are_compared_have_one_scale(warmer):
+    first, second = warmer
     drawn = draw_maps(second, first)
     for name, axis in second.map.axes.items():
         now, before, _ = drawn[name]

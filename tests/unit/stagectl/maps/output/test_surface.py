@@ -7,16 +7,11 @@ from stagectl.maps import changes_sections, compare, map_outline, version_as_jso
 from stagectl.maps.output.page import render_map
 from stagectl.maps.output.surface import surface
 from stagectl.report import print_outline, print_sections
-from tests.unit.stagectl.maps.conftest import STAGE, printed, two_versions
+from tests.unit.stagectl.maps.conftest import STAGE, printed
 
 
-@pytest.fixture
-def versions(history):
-    return two_versions(history, everywhere=1.3)
-
-
-def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
-    first, second = versions
+def test_known_to_is_one_figure_on_terminal_page_and_json(history, warmer):
+    first, second = warmer
     page = render_map(history, STAGE, second, first)
     text = printed(print_outline(map_outline(history, STAGE, second, first)))
     told = version_as_json(second)["axes"]
@@ -29,8 +24,8 @@ def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
         assert known > np.median([site.sigma for site in axis.sites])
 
 
-def test_lists_that_are_cut_say_how_many_more(history, versions):
-    first, second = versions
+def test_lists_that_are_cut_say_how_many_more(history, warmer):
+    first, second = warmer
     page = render_map(history, STAGE, second, first)
     text = printed(print_sections(changes_sections(1, compare(first.map, second.map)).values()))
     for told in (page, text):
