@@ -6,14 +6,15 @@ from collections.abc import Callable
 
 import pytest
 
-from stagectl.config import load_machine, parse_machine
+from stagectl.config import load_machine, parse_machine, stage_settings
 from stagectl.config.faults import parse_faults
 from stagectl.errors import ConfigError
+from tests.unit.stagectl.changed_text import changed_text
 
 
 def problems(text: str) -> tuple[str, ...]:
     with pytest.raises(ConfigError) as caught:
-        parse_machine(text, "m.yaml")
+        stage_settings(parse_machine(text, "m.yaml"))
     assert all("\n" not in line for line in caught.value.problems)
     assert str(caught.value) == "\n".join(caught.value.problems)
     assert caught.value.exit_code == 2
@@ -27,20 +28,19 @@ def problems_of() -> Callable[[str], tuple[str, ...]]:
 
 
 @pytest.fixture(scope="session")
-def check_refused() -> Callable[[str, str, str], None]:
-    """Replace the first `old` in the packaged machine (that of axis x) by `new`: one problem.
+def check_refused() -> Callable[[str, str], None]:
+    """Change a key of the packaged machine, the first of its name (that of axis x): one problem.
 
-    `^` in the new text marks the place that the problem must name.
+    `new` is the key with another value, and perhaps further keys, as `changed_text` has it; a key
+    that begins with a dot is one of axis x.
     """
 
-    def check(old: str, new: str, key_and_reason: str) -> None:
-        good = load_machine().text
-        assert old in good
-        text = good.replace(old, new, 1)
-        (found,) = problems(text.replace("^", ""))
-        if "^" in text:
-            before = text[: text.index("^")]
-            place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
+    def check(new: str, key_and_reason: str) -> None:
+        text, place = changed_text(load_machine().text, new)
+        (found,) = problems(text)
+        if key_and_reason.startswith("."):
+            key_and_reason = f"axes.x{key_and_reason}"
+        if place:
             assert found.startswith(f"m.yaml:{place}: {key_and_reason}")
         else:
             assert key_and_reason in found

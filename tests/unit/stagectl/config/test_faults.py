@@ -105,10 +105,6 @@ def test_the_seed_of_the_run_is_used_unless_the_file_has_one(machine):
     assert parse_faults(text, "faults.yaml", machine, 11).seed == 11
 
 
-def ids(fault):
-    return set(fault.frames.ids), fault.frames.sender, fault.frames.node
-
-
 @pytest.mark.parametrize(
     ("frame", "expected"),
     [
@@ -125,22 +121,15 @@ def ids(fault):
         ("heartbeat", ({0x701, 0x702}, "drives", None)),
         ("sync, axis: y", ({0x080}, "host", 2)),
         ("'0x5A1'", ({0x5A1}, None, None)),
+        ("from_host, axis: x", (None, "host", 1)),
+        ("from_drives, axis: y", (None, "drives", 2)),
+        ("any", (None, None, None)),
     ],
 )
 def test_frames_by_name(parse, frame, expected):
     (fault,) = parse(f"fault: drop, frame: {frame}")
-    assert ids(fault) == expected
-
-
-def test_any_frames(parse):
-    host, drives, every = parse(
-        "fault: drop, frame: from_host, axis: x",
-        "fault: drop, frame: from_drives, axis: y",
-        "fault: drop, frame: any",
-    )
-    assert (host.frames.ids, host.frames.sender, host.frames.node) == (None, "host", 1)
-    assert (drives.frames.ids, drives.frames.sender, drives.frames.node) == (None, "drives", 2)
-    assert (every.frames.ids, every.frames.sender) == (None, None)
+    assert (fault.frames.ids, fault.frames.sender, fault.frames.node) == expected
+    assert fault.frames.until == math.inf
 
 
 def test_every_kind(parse):
@@ -180,8 +169,3 @@ def test_every_kind(parse):
         ),
     }  # fmt: skip
     assert parse(*cases) == tuple(cases.values())
-
-
-def test_a_fault_without_an_end_lasts_forever(parse):
-    (fault,) = parse("fault: drop, frame: sync, after: 2 s")
-    assert fault.frames.until == math.inf

@@ -11,6 +11,11 @@ from stagectl.config import Machine, load_machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import Recipe, parse_recipe
 
+HEAD = """recipe: a
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
+"""
 INSPECTION = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 
 

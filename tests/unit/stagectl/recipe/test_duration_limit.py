@@ -9,13 +9,9 @@ import pytest
 from estimation.trajectory import duration
 from stagectl.recipe import Profile
 from stagectl.recipe.duration_limit import minimum_duration
+from tests.unit.stagectl.recipe.conftest import HEAD
 
 Problems = Callable[..., tuple[str, ...]]
-HEAD = """recipe: a
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
-"""
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.unit.stagectl.recipe.conftest import HEAD
+
 Problems = Callable[..., tuple[str, ...]]
-
-
-HEAD = """recipe: a
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
-"""
 
 
 MOVES = HEAD + "moves:\n"

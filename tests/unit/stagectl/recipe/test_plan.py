@@ -41,15 +41,6 @@ def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of: RecipeOf
     )
 
 
-def test_the_shipped_recipe_has_every_site_once_in_order(
-    inspection: str, recipe_of: RecipeOf
-) -> None:
-    recipe = recipe_of(inspection)
-    macro = [s for s in plan(recipe) if isinstance(s, MoveStep) and s.kind == "macro"]
-    assert [s.site for s in macro] == list(range(1, 21))
-    assert [s.target for s in macro] == list(recipe.sites)
-
-
 def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of: RecipeOf) -> None:
     recipe = recipe_of(
         HEAD + "moves:\n- {to: [0.01, 0]}\n- {to: [0.02, 0], kind: micro, velocity: 5 mm/s}\n"

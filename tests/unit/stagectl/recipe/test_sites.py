@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from stagectl.recipe import NoMark, Recipe
+from tests.unit.stagectl.recipe.conftest import HEAD
 
 Problems = Callable[..., tuple[str, ...]]
 
 
 RecipeOf = Callable[[str], Recipe]
-
-
-HEAD = """recipe: a
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
-"""
 
 
 def test_raster_order_starts_each_row_at_the_same_side(

@@ -11,13 +11,9 @@ from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import load_recipe
 from stagectl.recipe.model import ListedMarks
+from tests.unit.stagectl.recipe.conftest import HEAD
 
 Problems = Callable[..., tuple[str, ...]]
-HEAD = """recipe: a
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
-"""
 
 
 def test_sites_and_offsets_from_files(

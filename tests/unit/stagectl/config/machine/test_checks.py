@@ -14,70 +14,49 @@ ProblemsOf = Callable[[str], tuple[str, ...]]
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key_and_reason"),
+    ("new", "key_and_reason"),
     [
-        ("node: 1", "node: ^127", "axes.x.node: 127 is the host's own node id"),
-        ("node: 1", "node: 2", "axes.y.node: 2 is the node of axis x already"),
+        ("node: ^127", ".node: 127 is the host's own node id"),
+        ("node: 2", "axes.y.node: 2 is the node of axis x already"),
+        ("travel: ^[0.15, -0.15]", ".travel: must be [lowest, highest], is [0.15, -0.15]"),
         (
-            "travel: [-0.15, 0.15]",
-            "travel: ^[0.15, -0.15]",
-            "axes.x.travel: must be [lowest, highest], is [0.15, -0.15]",
-        ),
-        (
-            "travel: [-0.15, 0.15]",
             "travel: ^[-150, 150]",
-            "axes.x.travel: beyond +-2.147 m, the range of a position in 1 nm "
-            "(drive.position_unit)",
+            ".travel: beyond +-2.147 m, the range of a position in 1 nm (drive.position_unit)",
         ),
         (
-            "control_period: 1.0e-4",
             "control_period: ^3.0e-4",
-            "axes.x.drive.control_period: must divide bus.sync_period (0.001 s), is 0.0003 s",
+            ".drive.control_period: must divide bus.sync_period (0.001 s), is 0.0003 s",
         ),
+        ("control_period: 2.0e-4", "axes.y.drive.control_period: must be the same on all axes"),
+        ("peak_force: ^12.0", ".drive.peak_force: must be at least rated_force"),
         (
-            "control_period: 1.0e-4",
-            "control_period: 2.0e-4",
-            "axes.y.drive.control_period: must be the same on all axes",
-        ),
-        (
-            "peak_force: 120.0",
-            "peak_force: ^12.0",
-            "axes.x.drive.peak_force: must be at least rated_force",
-        ),
-        (
-            "acceleration: 10.0",
             "acceleration: ^1.0e+30",
-            "axes.x.limits.acceleration: beyond 4295 m/s^2, the range of 1 um/s^2 steps "
+            ".limits.acceleration: beyond 4295 m/s^2, the range of 1 um/s^2 steps "
             "(drive.acceleration_unit)",
         ),
         (
-            "following_error: 0.001",
             "following_error: ^4.2949672950",
-            "axes.x.limits.following_error: beyond 4.295 m, the range of 1 nm steps "
+            ".limits.following_error: beyond 4.295 m, the range of 1 nm steps "
             "(drive.position_unit)",
         ),
         (
-            "following_error: 0.001",
             "following_error: ^1.0e-12",
-            "axes.x.limits.following_error: 1e-12 m is nothing in 1 nm steps (drive.position_unit)",
+            ".limits.following_error: 1e-12 m is nothing in 1 nm steps (drive.position_unit)",
         ),
         (
-            "node: 1",
             "node: 1\n    homing: {velocity: 0.01, index_velocity: ^1.0e-10}",
-            "axes.x.homing.index_velocity: 1e-10 m/s is nothing in 1 nm/s steps "
-            "(drive.position_unit)",
+            ".homing.index_velocity: 1e-10 m/s is nothing in 1 nm/s steps (drive.position_unit)",
         ),
         (
-            "node: 1",
             "node: 1\n    homing: {velocity: ^1.0e-8}",
-            "axes.x.homing.velocity: at 1e-08 m/s the travel there and back takes 694 days",
+            ".homing.velocity: at 1e-08 m/s the travel there and back takes 694 days",
         ),
     ],
 )
 def test_inconsistent_values_are_one_line_at_their_place(
-    check_refused, old: str, new: str, key_and_reason: str
+    check_refused, new: str, key_and_reason: str
 ) -> None:
-    check_refused(old, new, key_and_reason)
+    check_refused(new, key_and_reason)
 
 
 def test_the_simple_law_has_no_figures_of_presliding() -> None:

@@ -15,21 +15,6 @@ def changed(old: str, new: str) -> str:
     return GOOD.replace(old, new, 1)
 
 
-def test_the_packaged_machine() -> None:
-    machine = load_machine()
-    x, y = machine.axes["x"], machine.axes["y"]
-    assert machine.name == "wafer-xy"
-    assert list(machine.axes) == ["x", "y"]
-    assert machine.bus.sync_period == 1e-3
-    assert (x.node, x.travel, x.limits.jerk) == (1, (-0.15, 0.15), 2000.0)
-    assert x.encoder.increment == 1e-9
-    assert y.drive.pid.ki == 28130000.0
-    assert y.plant.friction.attraction == 900.0
-    assert x.plant.friction.repeatability.correlation_time == 0.5
-    assert x.effects == ()
-    assert "docs/reference-stage.md" in machine.text
-
-
 def test_units_mean_the_same_as_si_figures() -> None:
     text = changed("stiffness: 6.0e5", "stiffness: 0.6 N/um").replace(
         "sync_period: 0.001", "sync_period: 1 ms"

@@ -10,39 +10,31 @@ GOOD = load_machine().text
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key_and_reason"),
+    ("new", "key_and_reason"),
     [
+        ("mass: ^1.0e+300", ".plant.mass: must be at most 1e+09 kg, is 1e+300"),
         (
-            "mass: 8.0",
-            "mass: ^1.0e+300",
-            "axes.x.plant.mass: must be at most 1e+09 kg, is 1e+300",
-        ),
-        (
-            "current_bandwidth: 1500.0",
             "current_bandwidth: ^1.0e-300",
-            "axes.x.drive.current_bandwidth: must be at least 0.001 Hz, is 1e-300",
+            ".drive.current_bandwidth: must be at least 0.001 Hz, is 1e-300",
         ),
         (
-            "repeatability: {coulomb: 0.01",
-            "repeatability: {coulomb: ^7.0",
-            "axes.x.plant.friction.repeatability.coulomb: must be at most 1, is 7",
+            "repeatability: {coulomb: ^7.0, correlation_time: 0.5}",
+            ".plant.friction.repeatability.coulomb: must be at most 1, is 7",
         ),
         (
-            "node: 1",
             "node: 1\n    homing: {index_velocity: ^1.0e+300}",
-            "axes.x.homing.index_velocity: must be at most 1e+06 m/s, is 1e+300",
+            ".homing.index_velocity: must be at most 1e+06 m/s, is 1e+300",
         ),
         (
-            "rated_force: 40.0",
             "rated_force: 40.0\n      enable_timeout: ^3600",
-            "axes.x.drive.enable_timeout: must be at most 600 s, is 3600",
+            ".drive.enable_timeout: must be at most 600 s, is 3600",
         ),
     ],
 )
 def test_implausible_values_are_one_line_at_their_place(
-    check_refused, old: str, new: str, key_and_reason: str
+    check_refused, new: str, key_and_reason: str
 ) -> None:
-    check_refused(old, new, key_and_reason)
+    check_refused(new, key_and_reason)
 
 
 @pytest.mark.parametrize(
@@ -70,55 +62,44 @@ def test_a_gantry_with_the_motor_it_needs_is_accepted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "key_and_reason"),
+    ("new", "key_and_reason"),
     [
         (
-            "mass: 8.0",
             "mass: ^80000.0",
-            "axes.x.plant.mass: 80000 kg at 1 m/s need 333 m to stop, the travel is 0.3 m; "
-            "the drive has 120 N at most (drive.peak_force)",
+            ".plant.mass: 80000 kg at 1 m/s need 333 m to stop, the travel is 0.3 m; the drive has "
+            "120 N at most (drive.peak_force)",
         ),
         (
-            "coulomb: 6.0",
             "coulomb: ^90.0",
-            "axes.x.plant.friction.coulomb: breakaway takes 126 N; "
-            "the drive has 120 N at most (drive.peak_force)",
+            ".plant.friction.coulomb: breakaway takes 126 N; the drive has 120 N at most "
+            "(drive.peak_force)",
         ),
         (
-            "viscous: 20.0",
             "viscous: ^200.0",
-            "axes.x.plant.friction.viscous: at limits.velocity, 1 m/s, it is 200 N; "
-            "the drive has 120 N at most (drive.peak_force)",
+            ".plant.friction.viscous: at limits.velocity, 1 m/s, it is 200 N; the drive has 120 N "
+            "at most (drive.peak_force)",
         ),
         (
-            "stiffness: 6.0e5",
             "stiffness: ^6.0",
-            "axes.x.plant.friction.stiffness: presliding over 1 m (coulomb / stiffness) exceeds "
-            "the travel",
+            ".plant.friction.stiffness: presliding over 1 m (coulomb / stiffness) exceeds the "
+            "travel",
         ),
         (
-            "following_error: 0.001",
             "following_error: ^0.5",
-            "axes.x.limits.following_error: 0.5 m is never exceeded within the travel of 0.3 m",
+            ".limits.following_error: 0.5 m is never exceeded within the travel of 0.3 m",
         ),
         (
-            "following_error: 0.001",
             "following_error: 0.001, position_window: ^0.01",
-            "axes.x.limits.position_window: 0.01 m must be below limits.following_error, 0.001 m",
+            ".limits.position_window: 0.01 m must be below limits.following_error, 0.001 m",
         ),
         (
-            "increment: 1.0e-9",
             "increment: ^0.01",
-            "axes.x.encoder.increment: 0.01 m must be below limits.following_error, 0.001 m",
+            ".encoder.increment: 0.01 m must be below limits.following_error, 0.001 m",
         ),
-        (
-            "noise: 1.0e-9",
-            "noise: ^1.0",
-            "axes.x.encoder.noise: 1 m must be below limits.following_error, 0.001 m",
-        ),
+        ("noise: ^1.0", ".encoder.noise: 1 m must be below limits.following_error, 0.001 m"),
     ],
 )
 def test_figures_that_contradict_each_other_are_refused(
-    check_refused, old: str, new: str, key_and_reason: str
+    check_refused, new: str, key_and_reason: str
 ) -> None:
-    check_refused(old, new, key_and_reason)
+    check_refused(new, key_and_reason)

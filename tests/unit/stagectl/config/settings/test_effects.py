@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
 from stagectl.config import load_machine, parse_machine, stage_settings
-from stagectl.errors import ConfigError
 
 
 def with_effect(text: str) -> str:
@@ -25,62 +22,58 @@ def test_effects_reach_the_simulator() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "problem"),
+    ("effects", "key_and_reason"),
     [
         (
-            "{effect: cogging, amplitude: [1, 2], pitch: 0.03, phase: 0}",
-            r".*axes\.x\.effects\[1\]\.amplitude: must be a number",
+            "[{effect: cogging, amplitude: [1, 2], pitch: 0.03, phase: 0}]",
+            ".effects[1].amplitude: must be a number",
         ),
         (
-            "{effect: residual_table, position: [0, 0.1], force: [1, 2, 3], coulomb: [1, 1], "
-            "velocity: [0, 1], velocity_force: [0, 1]}",
-            r"m:12:15: axes\.x\.effects\[1\]: force: must have 2 values like position, has 3",
+            "[^{effect: residual_table, position: [0, 0.1], force: [1, 2, 3], coulomb: [1, 1], "
+            "velocity: [0, 1], velocity_force: [0, 1]}]",
+            ".effects[1]: force: must have 2 values like position, has 3",
         ),
         (
-            "{effect: residual_table, position: [0, 0.1], force: [1, 2], coulomb: 1, "
-            "velocity: [0, 1], velocity_force: [0, 1]}",
-            r".*coulomb: must be a list of numbers",
+            "[{effect: residual_table, position: [0, 0.1], force: [1, 2], coulomb: 1, velocity: "
+            "[0, 1], velocity_force: [0, 1]}]",
+            "coulomb: must be a list of numbers",
         ),
         (
-            "{effect: residual_table, position: [0, a], force: [1, 2], coulomb: [1, 1], "
-            "velocity: [0, 1], velocity_force: [0, 1]}",
-            r".*residual_table: position\[1\] must be a number \(SI\), is 'a'",
+            "[{effect: residual_table, position: [0, a], force: [1, 2], coulomb: [1, 1], "
+            "velocity: [0, 1], velocity_force: [0, 1]}]",
+            "residual_table: position[1] must be a number (SI), is 'a'",
         ),
         (
-            "{effect: coging, amplitude: 1, pitch: 0.03, phase: 0}",
-            r"m:12:24: axes\.x\.effects\[1\]\.effect: unknown effect 'coging'; "
-            r"did you mean 'cogging'\?",
+            "[{effect: ^coging, amplitude: 1, pitch: 0.03, phase: 0}]",
+            ".effects[1].effect: unknown effect 'coging'; did you mean 'cogging'?",
         ),
         (
-            "{effect: cogging, amplitude: 1, ptch: 0.03, phase: 0}",
-            r"m:12:47: axes\.x\.effects\[1\]\.ptch: unknown key of cogging; "
-            r"did you mean 'pitch'\?",
+            "[{effect: cogging, amplitude: 1, ^ptch: 0.03, phase: 0}]",
+            ".effects[1].ptch: unknown key of cogging; did you mean 'pitch'?",
         ),
         (
-            "{effect: cogging, amplitude: 1, pitch: 0.03}",
-            r"m:12:15: axes\.x\.effects\[1\]: cogging: phase is missing "
-            r"\(phase at position 0 \[rad\]\)",
+            "[^{effect: cogging, amplitude: 1, pitch: 0.03}]",
+            ".effects[1]: cogging: phase is missing (phase at position 0 [rad])",
         ),
         (
-            "{effect: cogging, amplitude: 1, pitch: 0, phase: 0}",
-            r"m:12:54: axes\.x\.effects\[1\]\.pitch: must be >= 0\.001 m, is 0",
+            "[{effect: cogging, amplitude: 1, pitch: ^0, phase: 0}]",
+            ".effects[1].pitch: must be >= 0.001 m, is 0",
         ),
         (
-            "{effect: payload_mass, mass: -9}",
-            r"m:12:15: axes\.x\.effects\[1\]: mass: leaves no mass of the axis' 8 kg",
+            "[^{effect: payload_mass, mass: -9}]",
+            ".effects[1]: mass: leaves no mass of the axis' 8 kg",
         ),
         (
-            "{effect: payload_mass, mass: -5}, {effect: payload_mass, mass: -5}",
-            r"m:12:14: axes\.x\.effects: effects leave a mass of -2 kg",
+            "^[{effect: payload_mass, mass: -5}, {effect: payload_mass, mass: -5}]",
+            ".effects: effects leave a mass of -2 kg",
         ),
         (
-            "{effect: friction_spot, amplitude: 0.1, center: 0, other: 1.0e+300, width: 0.01}",
-            r"m:12:73: axes\.x\.effects\[1\]\.other: must be within \+-1e\+15 m, is 1e\+300",
+            "[{effect: friction_spot, amplitude: 0.1, center: 0, other: ^1.0e+300, width: 0.01}]",
+            ".effects[1].other: must be within +-1e+15 m, is 1e+300",
         ),
     ],
 )
-def test_refused_effects_are_reported_with_their_place(effect: str, problem: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        stage_settings(parse_machine(with_effect(effect), "m"))
-    (line,) = str(caught.value).splitlines()
-    assert re.fullmatch(problem, line), line
+def test_refused_effects_are_reported_with_their_place(
+    check_refused, effects: str, key_and_reason: str
+) -> None:
+    check_refused(f"node: 1\n    effects: {effects}", key_and_reason)

@@ -11,13 +11,6 @@ from stagectl.config import load_machine
 from stagectl.config.settings.host_model import SETTLED_DRIFT, estimator_settings, kink_delay
 
 
-def test_the_friction_figures_are_those_of_the_file() -> None:
-    friction = load_machine().axes["y"].plant.friction
-    model = friction.figures
-    assert (model.elements, model.coulomb, model.viscous) == (10, 9.0, 30.0)
-    assert model.relaxation_rate * model.coulomb == pytest.approx(friction.attraction)
-
-
 def test_with_a_map_drift_is_slower_except_for_parameters_that_it_names() -> None:
     axis = load_machine().axes["x"]
     name = FIGURES[1]
