@@ -16,36 +16,25 @@ from stagectl.config.parsing.validation import Section, validate
 from stagectl.config.parsing.yaml_nodes import load_document
 from stagectl.errors import ConfigError
 
-UNITS = {
-    "m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9,
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+ROTARY_UNITS = {
     "rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "rev": 2.0 * math.pi,
-    "N": 1.0, "mN": 1e-3, "kN": 1e3, "N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3,
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
+    "N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3,
 }  # fmt: skip
-"""Units of columns, in SI units. A rotary axis has rad for m, N m for N and kg m^2 for kg."""
-ROTARY = (
-    "rad",
-    "mrad",
-    "deg",
-    "rev",
-    "rad/s",
-    "deg/s",
-    "rev/s",
-    "rpm",
-    "N m",
-    "Nm",
-    "mN m",
-    "mNm",
-)
-SPEEDS = {
-    "m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0,
+"""A rotary axis has rad for m, N m for N and kg m^2 for kg."""
+UNITS = ROTARY_UNITS | TIMES | {
+    "m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9, "N": 1.0, "mN": 1e-3, "kN": 1e3,
+}  # fmt: skip
+"""Units of columns, in SI units."""
+ROTARY_SPEEDS = {
     "rad/s": 1.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi, "rpm": math.pi / 30.0,
+}  # fmt: skip
+SPEEDS = ROTARY_SPEEDS | {
+    "m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0,
 }  # fmt: skip
 """Units of a velocity that is integrated to a position."""
 BY_FACTOR = ("A", "V")
 """Units that need a factor [N or N m per unit]."""
-TIMES = ("s", "ms", "us", "µs", "ns")
-"""Units of a time."""
 OF_THE_AXIS = ("counts", "%", "permille")
 """Units that the machine file states: encoder increments, and shares of the rated force."""
 
@@ -119,6 +108,10 @@ class AxisColumns(Section):
     force_actual: Column | None = None
     force_offset: Column | None = None
 
+    def given(self) -> dict[str, Column]:
+        """The columns that there are, by channel."""
+        return {channel: column for channel, column in self if column is not None}
+
 
 class ImportMap(Section):
     """How data become a recording.
@@ -145,9 +138,7 @@ class ImportMap(Section):
         """The names of all columns that are mapped, of whichever file."""
         columns = [self.time, *(file.time for file in self.files.values())]
         for axis in self.axes.values():
-            columns += [
-                axis.position_demand, axis.position_actual, axis.force_actual, axis.force_offset
-            ]  # fmt: skip
+            columns += axis.given().values()
         return {str(column.column) for column in columns if column is not None}
 
 
@@ -157,10 +148,7 @@ def unlike_rotary(found: ImportMap, machine: Machine) -> list[str]:
         name
         for name, axis in found.axes.items()
         if not machine.axes[name].rotary
-        and any(
-            column is not None and column.unit in ROTARY
-            for column in (axis.position_demand, axis.position_actual, axis.force_actual)
-        )
+        and any(column.unit in ROTARY_UNITS | ROTARY_SPEEDS for column in axis.given().values())
     ]
 
 
@@ -173,43 +161,37 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
     document = load_document(path)
     found = validate(document, ImportMap)
     machine = load_machine(path.parent / found.machine, fitted=True)
-    problems = [
-        document.problem(("axes", name), f"the machine file has no axis {name}", at_key=True)
-        for name in found.axes
-        if name not in machine.axes
-    ]
-    problems += [
-        document.problem(("axes",), f"axis {name} of the machine file is missing", at_key=True)
-        for name in machine.axes
-        if name not in found.axes
-    ]
+    problems: list[str] = []
+
+    def refuse(place: tuple[str, ...], reason: str, at_key: bool = False) -> None:
+        problems.append(document.problem(place, reason, at_key=at_key))
+
+    for name in found.axes:
+        if name not in machine.axes:
+            refuse(("axes", name), f"the machine file has no axis {name}", True)
+    for name in machine.axes:
+        if name not in found.axes:
+            refuse(("axes",), f"axis {name} of the machine file is missing", True)
     times: dict[tuple[str, ...], Column | None] = {("time",): found.time}
     times |= {("files", name, "time"): file.time for name, file in found.files.items()}
-    problems += [
-        document.problem((*place, "unit"), f"unknown unit {time.unit!r}; known: {', '.join(TIMES)}")
-        for place, time in times.items()
-        if time is not None and time.unit not in (None, *TIMES)
-    ]
+    for place, time in times.items():
+        if time is not None and time.unit not in (None, *TIMES):
+            refuse((*place, "unit"), f"unknown unit {time.unit!r}; known: {', '.join(TIMES)}")
     for name, axis in found.axes.items():
-        for channel in ("position_demand", "position_actual", "force_actual", "force_offset"):
-            column = getattr(axis, channel)
-            if column is None:
-                continue
+        for channel, column in axis.given().items():
             place = ("axes", name, channel)
             if column.integrate and not channel.startswith("position"):
-                text = "only a velocity that stands for a position is integrated"
-                problems.append(document.problem((*place, "integrate"), text))
+                reason = "only a velocity that stands for a position is integrated"
+                refuse((*place, "integrate"), reason)
                 continue
             known = {*(SPEEDS if column.integrate else UNITS), *BY_FACTOR, *OF_THE_AXIS}
             if column.unit is not None and column.unit not in known:
-                text = f"unknown unit {column.unit!r}; known: {', '.join(sorted(known))}"
-                problems.append(document.problem((*place, "unit"), text))
+                listed = ", ".join(sorted(known))
+                refuse((*place, "unit"), f"unknown unit {column.unit!r}; known: {listed}")
             if column.unit in BY_FACTOR and "factor" not in column.model_fields_set:
-                text = f"needs a factor: newtons (or N m) per {column.unit}"
-                problems.append(document.problem((*place, "unit"), text))
+                refuse((*place, "unit"), f"needs a factor: newtons (or N m) per {column.unit}")
             if column.file is not None and column.file not in found.files:
-                text = f"no such file in `files`: {column.file}"
-                problems.append(document.problem((*place, "file"), text))
+                refuse((*place, "file"), f"no such file in `files`: {column.file}")
     if problems:
         raise ConfigError(problems)
     return found, machine

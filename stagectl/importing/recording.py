@@ -8,7 +8,7 @@ apart. Moves are found from the demand.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +64,7 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     if len(time) < 2:
         raise UnusableInput(f"{path}: {len(time)} samples")
     found = Recording(machine.text, "", "", time, axes, (), str(path))
-    return Recording(machine.text, "", "", time, axes, _moves(found, period), str(path))
+    return replace(found, moves=_moves(found, period))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,12 +81,8 @@ def _read(
 ) -> _File:
     columns = Columns(path, preamble, how.column_names())
     if time is None:
-        demand = next(iter(how.axes.values()))
-        used = next(
-            str(column.column)
-            for column in (demand.position_demand, demand.position_actual)
-            if column is not None
-        )
+        channels = next(iter(how.axes.values()))
+        used = str((channels.position_demand or channels.position_actual).column)
         count = len(columns[used]) if used in columns else 0
         return _File(columns, np.arange(float(count)) * period, has_time=False)
     values = _in_si(columns, time, None)
