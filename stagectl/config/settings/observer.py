@@ -206,22 +206,16 @@ def design_observers(
     for name, axis in machine.axes.items():
         own = axis.plant.friction.figures if friction is None else friction[name]
         response = None if responses is None or axis.observer == "trust" else responses[name]
-        if isinstance(response, str):
-            found[name] = _first_reason(axis, own, period, response)
-            continue
-        figures = observer_figures(axis, own, period, response)
-        if isinstance(figures, str):
+        measured = None if isinstance(response, str) else response
+        figures = observer_figures(axis, own, period, measured)
+        if isinstance(figures, str):  # an unmeasured axis may not be able to have one at all
             found[name] = figures
-            continue
-        designed = design_observer(figures)
-        found[name] = designed if designed.gain else "no gain keeps the sensitivity's peak"
+        elif isinstance(response, str):
+            found[name] = response
+        else:
+            designed = design_observer(figures)
+            found[name] = designed if designed.gain else "no gain keeps the sensitivity's peak"
     return found
-
-
-def _first_reason(axis: Axis, friction: FrictionFigures, period: float, unmeasured: str) -> str:
-    """Why an axis without a measurement has no observer: it may not be able to have one at all."""
-    figures = observer_figures(axis, friction, period)
-    return figures if isinstance(figures, str) else unmeasured
 
 
 def compile_observer(machine: Machine) -> None:
