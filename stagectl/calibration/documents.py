@@ -1,4 +1,4 @@
-"""Summary and page of a calibration, made again from its recording.
+"""What a calibration's recording says; its summary and page, made again from it.
 
 The recording does not hold the map that was built at its end: the sites' levels are those of the
 estimates, and nothing is compared with the map before.
@@ -6,19 +6,72 @@ estimates, and nothing is compared with the map before.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from stagectl.calibration.outcome import site_outcomes, visited_sites
 from stagectl.calibration.page import CalibrationReport, write_calibration_page
-from stagectl.calibration.recorded import read_calibration
 from stagectl.calibration.sites import recorded_sequence
 from stagectl.config.machine.file import parse_machine
+from stagectl.errors import UnusableInput
 from stagectl.history import StageKey
+from stagectl.recipe import Pair
 from stagectl.report import friction_map_used
 from stagectl.run import document_paths, is_calibration, rewrite_documents
-from stagectl.store import read_notes, recording_in
+from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recording_in
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedCalibration:
+    """A calibration, complete or interrupted.
+
+    Attributes:
+        sites: in the order of the visit, including the repeated first one at the end [m].
+        friction: estimates so far, those of the calibration it resumed included, as entries of a
+            summary.
+    """
+
+    sites: tuple[Pair, ...]
+    friction: tuple[dict[str, Any], ...]
+
+
+def read_calibration(path: Path) -> RecordedCalibration:
+    """Read the recording of a calibration.
+
+    Raises:
+        UnusableInput: the run was not a calibration, or is of an older version.
+    """
+    notes = read_notes(path)
+    run = next((e for e in notes.events if e.get("event") == "run"), None)
+    if run is None or not run.get("sites"):
+        raise UnusableInput(f"{path}: not a calibration, or one of an older version")
+    try:
+        sites = tuple((float(x), float(y)) for x, y in run["sites"])
+        before: tuple[dict[str, Any], ...] = ()
+        if run["resumed"] is not None:
+            earlier = Path(str(run["resumed"]["run"]))
+            if (earlier / RECORDING_NAME).exists():  # it may have been deleted
+                before = read_calibration(earlier / RECORDING_NAME).friction
+        return RecordedCalibration(sites, (*before, *_friction(notes)))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
+
+
+def _friction(notes: RunNotes) -> list[dict[str, Any]]:
+    return [
+        {
+            "site": event["site"], "axis": event["axis"], "accepted": event["accepted"],
+            "reason": event["reason"],
+            "parameters": {
+                name: {"value": float(pair[0]), "sigma": float(pair[1])}
+                for name, pair in event["parameters"].items()
+            },
+        }
+        for event in notes.events
+        if event["event"] == "friction"
+    ]  # fmt: skip
 
 
 def rewrite_all_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:

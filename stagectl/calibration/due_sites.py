@@ -1,14 +1,25 @@
-"""Which sites are due: by age, moves, distance, change seen in production, or uncertainty."""
+"""Which sites are due: by age, moves, distance, change seen in production, or uncertainty.
+
+In a production run they are slipped in, the most urgent first, within a time budget. A calibration
+of due sites alone has to make a map, together with what the history knows.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from scipy.spatial import cKDTree
+
+from estimation.trajectory import Limits
+from estimation.trajectory import plan as motion
+from stagectl.calibration.sequence import REST, SiteSequence
 from stagectl.calibration.sites import DAY, Calibration, DueSection
+from stagectl.errors import UnusableInput
 from stagectl.history import History, Pair, StageKey, StepRecord, Wear, open_existing
-from stagectl.maps import SITE_RADIUS, PlaceIndex, TrackedPlaces, load_active
+from stagectl.maps import LEAST_SITES, SITE_RADIUS, PlaceIndex, TrackedPlaces, load_active
+from stagectl.recipe import Recipe
 from stagectl.run import RunRequest, start_time
 
 NEVER = "never calibrated"
@@ -145,3 +156,73 @@ def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
         )  # fmt: skip
     finally:
         history.close()
+
+
+def insert_sites(
+    recipe: Recipe, due: Sequence[DueSite], sequence: SiteSequence, budget: float
+) -> tuple[Recipe, float]:
+    """The recipe with calibration sites inserted, and the time they take [s].
+
+    Each comes after the production site nearest to it. Its cost is the detour, the sequence and the
+    rests.
+
+    Args:
+        recipe: of production, with sites.
+        due: the most urgent first.
+        sequence: of moves at each.
+        budget: of time for all of them [s].
+    """
+    slipped: list[tuple[int, Pair]] = []
+    spent = 0.0
+    nearest = cKDTree(recipe.sites).query([site.place for site in due])[1] if due else []
+    for site, found in zip(due, nearest, strict=True):
+        behind = int(found)
+        ahead = recipe.sites[min(behind + 1, len(recipe.sites) - 1)]
+        here = recipe.sites[behind]
+        detour = _time(recipe, here, site.place) + _time(recipe, site.place, ahead)
+        cost = max(detour - _time(recipe, here, ahead), 0.0) + sequence.duration + REST
+        if spent + cost <= budget:
+            slipped.append((behind + 1, site.place))
+            spent += cost
+    if not slipped:
+        return recipe, 0.0
+    made = replace(recipe, slipped=tuple(slipped), slipped_excursions=sequence.excursions)
+    return made, spent
+
+
+def _time(recipe: Recipe, begin: Pair, end: Pair) -> float:
+    """Of a macro-move with its rest [s]."""
+    profile = recipe.macro
+    limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
+    return max(motion(a, b, limits).duration for a, b in zip(begin, end, strict=True)) + REST
+
+
+def require_enough_sites(request: RunRequest, sites: Sequence[Pair]) -> None:
+    """Refuse sites that make no map, together with the places that the history knows.
+
+    Args:
+        request: with machine and history.
+        sites: to be visited [m].
+
+    Raises:
+        UnusableInput: they are too few.
+        StagectlError: the history cannot be used.
+    """
+    known: list[Pair] = []
+    history = open_existing(str(request.history))
+    if history is not None:
+        try:
+            known = history.places(StageKey(request.machine.name, request.truth is not None))
+        finally:
+            history.close()
+    places = PlaceIndex(SITE_RADIUS)
+    count = 0
+    for place in (*known, *sites):
+        if not places.near(place):
+            places.add(place)
+            count += 1
+    if count < LEAST_SITES:
+        raise UnusableInput(
+            f"{request.recipe.source}: sites: {count} make no map, those in the history included; "
+            f"it takes {LEAST_SITES}, more than {SITE_RADIUS * 1e3:g} mm apart"
+        )

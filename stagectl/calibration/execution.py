@@ -8,10 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stagectl.calibration.documents import rewrite_all_documents
+from stagectl.calibration.documents import read_calibration, rewrite_all_documents
 from stagectl.calibration.outcome import SiteOutcome, site_outcomes, visited_sites
 from stagectl.calibration.page import CalibrationReport, write_calibration_page
-from stagectl.calibration.recorded import read_calibration
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration
 from stagectl.errors import StagectlError

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ from stagedata import FrictionFigures, Recording
 
 REPEAT_FROM = 0.05
 """Relative change of a figure from which the mean force around a SYNC is computed again."""
+
+_FIGURES = (
+    "coulomb viscous stiffness relaxation_rate static_ratio stribeck_velocity stribeck_shape"
+).split()
 
 
 def settings_of(axis: Axis, period: float) -> OfflineSettings:
@@ -107,7 +112,8 @@ def identify_pieces(
     answer = identify(level, friction, settings)
     if answer.reason is not None or not _differs(friction, answer):
         return answer
-    found = _with_figures(friction, answer)
+    figures: dict[str, Any] = {name: answer[name].value for name in _FIGURES}
+    found = replace(friction, **figures)  # its hysteresis keeps its shape
     level = [around_syncs(piece, sent, axis, found, period) for piece, sent in pieces]
     again = identify(level, friction, settings)
     return answer if again.reason is not None else again
@@ -118,20 +124,6 @@ def _differs(friction: FrictionFigures, answer: Identification) -> bool:
     return any(
         abs(answer[name].value / float(getattr(friction, name)) - 1.0) > REPEAT_FROM
         for name in ("coulomb", "stiffness")
-    )
-
-
-def _with_figures(friction: FrictionFigures, answer: Identification) -> FrictionFigures:
-    """The model with the figures of an answer; its hysteresis keeps its shape."""
-    return replace(
-        friction,
-        coulomb=answer["coulomb"].value,
-        viscous=answer["viscous"].value,
-        stiffness=answer["stiffness"].value,
-        relaxation_rate=answer["relaxation_rate"].value,
-        static_ratio=answer["static_ratio"].value,
-        stribeck_velocity=answer["stribeck_velocity"].value,
-        stribeck_shape=answer["stribeck_shape"].value,
     )
 
 

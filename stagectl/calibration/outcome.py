@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from stagectl.calibration.sequence import START, Gain, SiteSequence
 from stagectl.history import Pair
@@ -72,29 +72,24 @@ def site_outcomes(
     entries: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
     for entry in friction:
         entries.setdefault((entry["site"], entry["axis"]), []).append(entry)
-    levels = {} if built is None else {n: _ByPlace(axis.sites) for n, axis in built.axes.items()}
-    moved = {change.axis: _ByPlace(change.sites) for change in changes}
+    levels = {} if built is None else {n: _by_place(axis.sites) for n, axis in built.axes.items()}
+    moved = {change.axis: _by_place(change.sites) for change in changes}
     for number, place in enumerate(sites, 1):
         if place in seen:
             continue  # the first one again, to see drift
         seen.add(place)
         for axis in axes:
-            level = levels[axis].at(place) if axis in levels else None
-            change = moved[axis].at(place) if axis in moved else None
+            level = levels[axis](place) if axis in levels else None
+            change = moved[axis](place) if axis in moved else None
             mine = entries.get((number, axis), [])
             found.append(_outcome(number, place, axis, mine, level, change))
     return found
 
 
-class _ByPlace(Generic[Site]):
-    """What is known of sites, found by their place."""
-
-    def __init__(self, items: Sequence[Site]) -> None:
-        self._items: Sequence[Site] = items
-        self._index = PlaceIndex(SAME, (item.place for item in items))
-
-    def at(self, place: Pair) -> Site | None:
-        return next((self._items[number] for number in self._index.near(place)), None)
+def _by_place(items: Sequence[Site]) -> Callable[[Pair], Site | None]:
+    """Finds what is known of a site by its place."""
+    index = PlaceIndex(SAME, (item.place for item in items))
+    return lambda place: next((items[number] for number in index.near(place)), None)
 
 
 def visited_sites(

@@ -4,7 +4,24 @@ import pytest
 
 from stagectl.calibration import SiteSequence
 from stagectl.config.machine.file import load_machine
+from stagectl.history import open_history
 from stagectl.recipe import Excursion, Profile
+
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+RECIPE = (
+    "recipe: r\nmacro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}\n"
+    "micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}\n"
+    "settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}\nexpose: 0\n"
+    "sites: [{}]\nfiducial: {{source: none}}\n"
+)
+
+
+@pytest.fixture
+def history(tmp_path):
+    opened = open_history(str(tmp_path / "stage.db"), write=True)
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(scope="module")

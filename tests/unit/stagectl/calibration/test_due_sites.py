@@ -1,26 +1,20 @@
-"""Which sites are due."""
+"""Which sites are due, and slipped into a production run."""
 
 import re
 
-import pytest
-
-from stagectl.calibration import DueSection, due_sites
+from stagectl.calibration import DueSection, due_sites, insert_sites
+from stagectl.calibration.due_sites import DueSite
 from stagectl.calibration.sites import DAY
 from stagectl.config.machine.file import load_machine
-from stagectl.history import EstimateRecord, RunEntry, StepRecord, Wear, open_history
+from stagectl.history import EstimateRecord, RunEntry, StepRecord, Wear
 from stagectl.maps import load_active
+from stagectl.recipe import MoveStep, parse_recipe
+from stagectl.recipe.plan import plan
+from tests.unit.stagectl.calibration.conftest import RECIPE, SITES
 from tests.unit.stagectl.calls import count_calls
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, activated, file, level
 
-SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 DUE = DueSection(days=10, moves=100, distance=5.0)
-
-
-@pytest.fixture
-def history(tmp_path):
-    opened = open_history(str(tmp_path / "stage.db"), write=True)
-    yield opened
-    opened.close()
 
 
 def estimates(history, purpose, time, places, distance=0.01):
@@ -86,24 +80,16 @@ def test_age_moves_distance_and_steps_make_a_site_due(history):
 
 def test_change_and_uncertainty_make_sites_due(history):
     """What production has found off the map, and what the map does not know well any more."""
-    calibrate(history)
-    number, _ = keep(history, BEGIN)
-    history.activate(STAGE, number, BEGIN, "activated")
-    machine, sites = load_machine(), GRID[:6]
-    run = history.start_run(RunEntry(STAGE, ("x", "y"), BEGIN + 200, "r", None, None, "s", "f"))
-    history.add(
-        [
-            EstimateRecord(
-                run, "x", "macro", i + 1, place, BEGIN + 200 + 10 * k + i, 1e-3, True, None,
-                {"coulomb": 6.0}, (0.01,), 1.0,
-                (level("x", place) * (1.06 if i == 4 else 1.0), 0.02),
-            )
-            for k in range(8) for i, place in enumerate(sites)
-        ]
-    )  # fmt: skip
+    sites = GRID[:6]
+    activated(history, sites)
+    file(history, BEGIN + 200, [
+        ("x", "macro", i + 1, place, BEGIN + 200 + 10 * k + i, {"coulomb": 6.0},
+         (level("x", place) * (1.06 if i == 4 else 1.0), 0.02))
+        for k in range(8) for i, place in enumerate(sites)
+    ])  # fmt: skip
 
     def due(now, **limits):
-        places = load_active(history, STAGE, machine, sites, now).places
+        places = load_active(history, STAGE, load_machine(), sites, now).places
         asked = DueSection.model_validate({"days": 1000, **limits})
         found = due_sites(sites, asked, history, STAGE, ("x", "y"), now, places)
         return {d.place: " ".join(d.reasons) for d in found}
@@ -114,3 +100,28 @@ def test_change_and_uncertainty_make_sites_due(history):
     assert due(BEGIN + 300, change=0.2) == {}
     assert due(BEGIN + 86400 * 30, change=0.2).keys() == set(sites)  # nobody has looked since
     assert all("uncertain by" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())
+
+
+def test_due_sites_are_slipped_in_within_the_budget(machine, sequence):
+    recipe = parse_recipe(RECIPE.format("[0, 0], [0.03, 0], [0.03, 0.03]"), "r.yaml", machine)
+    due = [DueSite((0.03, 0.028), ("old",), 3.0), DueSite((0.0, 0.001), ("old",), 2.0)]
+    one = sequence.duration
+    made, spent = insert_sites(recipe, due, sequence, 1.6 * one)
+    assert made.slipped == ((3, (0.03, 0.028)),)
+    assert one < spent <= 1.6 * one
+    both, spent = insert_sites(recipe, due, sequence, 4 * one)
+    assert dict(both.slipped) == {3: (0.03, 0.028), 1: (0.0, 0.001)}
+    visited = [s.target for s in plan(both) if isinstance(s, MoveStep) and s.kind == "macro"]
+    assert visited == [(0.0, 0.0), (0.0, 0.001), (0.03, 0.0), (0.03, 0.03), (0.03, 0.028)]
+    none, spent = insert_sites(recipe, due, sequence, 0.5 * one)
+    assert (none, spent) == (recipe, 0.0)
+
+
+def test_work_grows_with_the_due_sites_and_not_with_those_of_production_too(machine, sequence):
+    def work(count):
+        sites = ", ".join(f"[{0.0001 * i:.4f}, 0]" for i in range(count))
+        recipe = parse_recipe(RECIPE.format(sites), "r.yaml", machine)
+        due = [DueSite((0.0, 0.001), ("old",), 2.0)]
+        return count_calls(lambda: insert_sites(recipe, due, sequence, 100.0))
+
+    assert work(400) == work(100)

@@ -6,12 +6,11 @@ from stagectl.calibration import calibrate, calibration_as_json, load_calibratio
 from stagectl.calibration.execution import resume_calibration
 from stagectl.run import HostSettings, Listener, Remarks, RunRequest, SimulatedStage
 from stagectl.sequencer import SegmentDone
-
-SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+from tests.unit.stagectl.calibration.conftest import FILE
 
 
 def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_path):
-    (tmp_path / "sites.yaml").write_text(SITES)
+    (tmp_path / "sites.yaml").write_text(FILE)
     calibration = load_calibration(tmp_path / "sites.yaml", machine)
     stops = []
 

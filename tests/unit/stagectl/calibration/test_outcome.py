@@ -9,9 +9,8 @@ from stagectl.calibration.outcome import site_outcomes, visited_sites
 from stagectl.calibration.sequence import START
 from stagectl.maps import AxisChange, FrictionMap, MapSite, SiteChange
 from stagectl.maps.model import MapAxis
+from tests.unit.stagectl.calibration.conftest import SITES
 from tests.unit.stagectl.calls import count_calls
-
-SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 
 
 def test_change_and_refusals_decide_what_to_do_at_a_site():

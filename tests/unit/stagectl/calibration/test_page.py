@@ -21,8 +21,7 @@ from stagectl.calibration.sequence import Gain, SiteSequence
 from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChange
 from stagectl.maps.model import MapAxis
 from stagectl.report import print_sections
-
-SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+from tests.unit.stagectl.calibration.conftest import SITES
 
 
 def version(number, level):

@@ -8,9 +8,9 @@ from stagectl.calibration import DueSection, load_calibration
 from stagectl.calibration.sequence import GOALS, choose_sequence
 from stagectl.config import parse_machine
 from tests.simple_law import simple_law_text
+from tests.unit.stagectl.calibration.conftest import FILE
 
 DUE = DueSection(days=10, moves=100, distance=5.0)
-FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
 
 
 def test_the_sequence_reaches_its_goals(machine, tmp_path):

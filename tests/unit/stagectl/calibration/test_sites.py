@@ -11,16 +11,9 @@ from stagectl.calibration.sites import repeated_sites
 from stagectl.errors import ConfigError
 from stagectl.recipe import MoveStep, parse_recipe
 from stagectl.recipe.plan import plan
+from tests.unit.stagectl.calibration.conftest import FILE, RECIPE, SITES
 
-SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 DUE = DueSection(days=10, moves=100, distance=5.0)
-RECIPE = (
-    "recipe: r\nmacro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}\n"
-    "micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}\n"
-    "settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}\nexpose: 0\n"
-    "sites: [{}]\nfiducial: {{source: none}}\n"
-)
-FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
 
 
 def test_every_site_is_visited_and_the_first_one_again(machine, sequence):
@@ -57,27 +50,9 @@ def test_an_error_in_the_file_names_its_place(machine, tmp_path, text, reason):
     assert "sites.yaml:" in str(refused.value)
 
 
-class Counted(tuple):
-    """A place that counts how often it is compared."""
-
-    compared = 0
-
-    def __eq__(self, other):
-        Counted.compared += 1
-        return super().__eq__(other)
-
-    __hash__ = tuple.__hash__
-
-
 def test_repeated_sites_name_the_first_one_there():
     assert repeated_sites(SITES) == []
     assert repeated_sites([*SITES, SITES[1], SITES[0], SITES[1]]) == [(5, 2), (6, 1), (7, 2)]
-
-
-def test_sites_are_not_compared_each_with_each():
-    places = [Counted((0.001 * i, 0.001 * j)) for i in range(30) for j in range(30)]
-    assert repeated_sites([*places, places[7]]) == [(901, 8)]
-    assert Counted.compared < 2 * len(places)
 
 
 def test_a_grid_of_more_sites_than_a_recipe_may_have_is_refused_by_its_count(machine, tmp_path):

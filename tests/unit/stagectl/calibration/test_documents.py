@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.calibration.recorded import read_calibration
+from stagectl.calibration.documents import read_calibration
 from stagectl.config import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.store import (
