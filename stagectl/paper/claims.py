@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stagectl.paper import published
 from stagectl.paper.fit import METHODS, Fit, left_by_zone_a, two_windows, zone_a, zone_b
-from stagectl.paper.published import PARAMETERS
+from stagectl.paper.published import PARAMETERS, SYMBOLS
 from stagectl.paper.signals import Alignment
 from stagectl.paper.tables import (
     ALIGNMENTS,
@@ -32,7 +32,6 @@ ENCODER_NOISE = 1e-9
 """Rms encoder noise in the runs for the fourth claim [m]; the paper has none."""
 _NOTABLE = 1e-4  # relative error worth printing
 _LESS = 0.9  # ratio that counts as less, not as equal
-_NAMES = dict(zip(PARAMETERS, ("Fc", "C", "sigma_v", "sigma0"), strict=True))
 _WHERE = {"logged": "the force is taken as logged", "aligned": "force and position are aligned"}
 
 
@@ -134,11 +133,11 @@ def nearer(tables: Tables) -> tuple[str, str]:
             and two.sigma[name] < _LESS * one.sigma[name]
         ]
         errors = ", ".join(
-            f"{_NAMES[name]} {_percent(error(one, name))} and {_percent(error(two, name))}"
+            f"{SYMBOLS[name]} {_percent(error(one, name))} and {_percent(error(two, name))}"
             for name in PARAMETERS
             if max(abs(error(one, name)), abs(error(two, name))) > _NOTABLE
         )
-        names = _listed(_NAMES[name] for name in better[force]) if better[force] else "none"
+        names = _listed(SYMBOLS[name] for name in better[force]) if better[force] else "none"
         figures.append(f"{force}: nearer and surer for {names} (errors {errors or 'below 0.01 %'})")
     figure = f"One window and two, {'; '.join(figures)}."
     best = max(ALIGNMENTS, key=lambda force: len(better[force]))
@@ -148,7 +147,7 @@ def nearer(tables: Tables) -> tuple[str, str]:
         return NOT, figure
     verdict = f"{REPRODUCED} only if {_WHERE[best]}"
     if len(better[best]) < len(PARAMETERS):
-        verdict += f", and then only for {_listed(_NAMES[name] for name in better[best])}"
+        verdict += f", and then only for {_listed(SYMBOLS[name] for name in better[best])}"
     return verdict, figure
 
 
@@ -258,7 +257,7 @@ def robust(case: Case) -> tuple[str, str]:
     """Verdict and figure: effect of an error in one zone's parameters on the other's."""
     move = case.move()
     true = np.array([published.REFERENCE[name] for name in PARAMETERS])
-    start = np.array([case.options.start[name] for name in PARAMETERS])
+    start = case.options.first()
     slide = []
     for factor in (0.5, 2.0):
         wrong = np.append(start[:3], factor * true[3])
@@ -279,7 +278,7 @@ def robust(case: Case) -> tuple[str, str]:
         for options in (case.options, replace(case.options, initial="free"))
     )
     listed = ", ".join(
-        f"{_NAMES[name]} wrong by {_percent(by)}: {_percent(taken)} ({_percent(found)})"
+        f"{SYMBOLS[name]} wrong by {_percent(by)}: {_percent(taken)} ({_percent(found)})"
         for (name, by), taken, found in zip(wrongs.items(), handed, estimated, strict=True)
     )
     figure = (

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.paper.published import PARAMETERS, Printed
+from stagectl.paper.published import Printed
 from stagectl.paper.signals import Move
 from stagectl.paper.window import (
     NAMES,
+    OPTIONS,
     TOTAL,
     ZONE_A,
     ZONE_B,
@@ -44,26 +45,22 @@ class Fit(Printed):
     predicted: F64
 
 
-def one_window(move: Move, options: Options | None = None) -> Fit:
+def one_window(move: Move, options: Options = OPTIONS) -> Fit:
     """All four parameters over zones A and B at once."""
-    options = options or Options()
     window = (move.slide, move.end)
     problem = Problem(move, window, options, slipping=True)
-    start = np.array([options.start[name] for name in PARAMETERS])
-    found = problem.solve(start, (*ZONE_A, *ZONE_B), None)
+    found = problem.solve(options.first(), (*ZONE_A, *ZONE_B), None)
     return _fit([found], (window,))
 
 
-def two_windows(move: Move, options: Options | None = None) -> Fit:
+def two_windows(move: Move, options: Options = OPTIONS) -> Fit:
     """Fc, C, sigma_v in zone A; then sigma0 in zone B."""
-    options = options or Options()
-    start = np.array([options.start[name] for name in PARAMETERS])
-    first = zone_a(move, start, options)
+    first = zone_a(move, options.first(), options)
     second = zone_b(move, first.value[:TOTAL], first.left, options)
     return _fit([first, second], ((move.slide, move.turn), (move.turn, move.end)))
 
 
-def zone_a(move: Move, start: F64, options: Options | None = None) -> Solution:
+def zone_a(move: Move, start: F64, options: Options = OPTIONS) -> Solution:
     """Fc, C, sigma_v from zone A.
 
     Args:
@@ -71,18 +68,17 @@ def zone_a(move: Move, start: F64, options: Options | None = None) -> Solution:
         start: first iterate, shape (4,); known parameters keep it.
         options: of the fit.
     """
-    options = options or Options()
     problem = Problem(move, (move.slide, move.turn), options, slipping=True)
     return problem.solve(start, options.slide, None)
 
 
 def left_by_zone_a(move: Move, known: F64) -> float:
     """Sum of the element forces at zone A's end [N] under parameters taken as known, shape (4,)."""
-    problem = Problem(move, (move.slide, move.turn), Options(), slipping=True)
+    problem = Problem(move, (move.slide, move.turn), OPTIONS, slipping=True)
     return problem.follow(known)
 
 
-def zone_b(move: Move, known: F64, total: float, options: Options | None = None) -> Solution:
+def zone_b(move: Move, known: F64, total: float, options: Options = OPTIONS) -> Solution:
     """sigma0 from zone B.
 
     Args:
@@ -91,7 +87,6 @@ def zone_b(move: Move, known: F64, total: float, options: Options | None = None)
         total: sum of the element forces where zone B begins [N].
         options: of the fit.
     """
-    options = options or Options()
     problem = Problem(move, (move.turn, move.end), options, slipping=not options.turned)
     return problem.solve(known, ZONE_B, total)
 
@@ -115,7 +110,7 @@ def _fit(windows: list[Solution], borders: tuple[Window, ...]) -> Fit:
     )
 
 
-METHODS: dict[str, Callable[[Move, Options | None], Fit]] = {
+METHODS: dict[str, Callable[[Move, Options], Fit]] = {
     "one_window": one_window,
     "two_windows": two_windows,
 }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.paper import published, simulate
-from stagectl.paper.published import PARAMETERS, TABLES, Printed
+from stagectl.paper.published import PARAMETERS, SYMBOLS, TABLES, Printed
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import (
     ALIGNMENTS,
@@ -126,7 +126,7 @@ def _stuck(study: Study) -> str:
     for bounds in CONDITIONS:
         variants = [v.tables["one_window"] for v in study.fixed if v.bounds == bounds]
         ends = [on_bound(fit) for fits in variants for fit in fits.values()]
-        names = sorted({published.SYMBOLS[name].split(" ")[0] for end in ends for name in end})
+        names = sorted({SYMBOLS[name] for end in ends for name in end})
         where = f" ({' and '.join(names)} at 0)" if names else ""
         words.append(f"{bounds} {sum(map(bool, ends))} of {len(ends)}{where}")
     return ", ".join(words)

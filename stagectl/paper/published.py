@@ -7,12 +7,7 @@ from dataclasses import dataclass
 PARAMETERS = ("coulomb", "attraction", "viscous", "stiffness")
 """Fc [N], C [N/s], sigma_v [N s/m], sigma0 [N/m]; in this order wherever arrays hold them."""
 
-SYMBOLS = {
-    "coulomb": "Fc [N]",
-    "attraction": "C [N/s]",
-    "viscous": "sigma_v [N s/m]",
-    "stiffness": "sigma0 [N/m]",
-}
+SYMBOLS = dict(zip(PARAMETERS, ("Fc", "C", "sigma_v", "sigma0"), strict=True))
 REFERENCE = {"coulomb": 2.0, "attraction": 4.0, "viscous": 1.0, "stiffness": 1000.0}
 START = 0.5
 """The estimate begins at this share of the reference values."""

@@ -5,7 +5,7 @@ One choice at a time is changed in the given case.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,66 +47,49 @@ def compute(case: Case, progress: Callable[[], None] = lambda: None) -> tuple[Ro
 
 def variations() -> Iterator[Variation]:
     """What is changed, row by row."""
-    yield from _move()
-    yield from _filter()
-    yield from _zones()
-    yield from _solver()
-
-
-def _move() -> Iterator[Variation]:
-    varied: tuple[tuple[str, tuple[tuple[str, dict[str, Any]], ...]], ...] = (
-        ("sample rate", tuple((f"{k} kHz", {"rate": k * 1000}) for k in (20, 10, 4, 1))),
-        ("profile", tuple((name, {"profile": name}) for name in ("sine", "jerk-limited"))),
-        ("gains", (
-            *((f"{b:.0f} Hz", {"bandwidth": b}) for b in (50.0, 100.0, 200.0)),
-            ("acceleration feedforward", {"feedforward": True}),
-        )),
-    )  # fmt: skip
-    for group, choices in varied:
-        for force in ALIGNMENTS:
-            for choice, setup in choices:
-                changes = {"setup": setup, "processing": {"force": force}}
-                yield group, f"{choice}, {force}", changes
-
-
-def _filter() -> Iterator[Variation]:
-    for filtered, words in ((True, "force too"), (False, "force not")):
-        for cut_off in (50.0, 100.0, 200.0, 500.0):
-            processing = {"cut_off": cut_off, "filter_force": filtered}
-            yield "filter", f"{cut_off:.0f} Hz, {words}", {"processing": processing}
-    yield "filter", "none", {"processing": {"cut_off": None}}
-    for order in (1, 4):
-        yield "filter", f"order {order}", {"processing": {"order": order}}
-
-
-def _zones() -> Iterator[Variation]:
-    for onset in (1, 2, 3, 6):
-        yield "start of zone A", f"{onset} mm", {"borders": {"onset": onset * 1e-3}}
+    yield from _with_both_forces(
+        "sample rate", "setup", {f"{k} kHz": {"rate": 1000 * k} for k in (20, 10, 4, 1)}
+    )
+    profiles = {name: {"profile": name} for name in ("sine", "jerk-limited")}
+    yield from _with_both_forces("profile", "setup", profiles)
+    gains: dict[str, Any] = {f"{b:.0f} Hz": {"bandwidth": b} for b in (50.0, 100.0, 200.0)}
+    gains["acceleration feedforward"] = {"feedforward": True}
+    yield from _with_both_forces("gains", "setup", gains)
+    filters: dict[str, Any] = {
+        f"{cut_off:.0f} Hz, {words}": {"cut_off": cut_off, "filter_force": filtered}
+        for filtered, words in ((True, "force too"), (False, "force not"))
+        for cut_off in (50.0, 100.0, 200.0, 500.0)
+    }
+    filters |= {"none": {"cut_off": None}, "order 1": {"order": 1}, "order 4": {"order": 4}}
+    yield from _each("filter", "processing", filters)
+    onsets = {f"{mm} mm": {"onset": mm * 1e-3} for mm in (1, 2, 3, 6)}
+    yield from _each("start of zone A", "borders", onsets)
     for turned, words, shifts in (
         (True, "elements stick", (-10, -5, -2, -1, 1, 5)),
         (False, "elements slip on", (-10, -5, -2, -1)),
     ):
         for shift in shifts:
-            changes: dict[str, Any] = {
-                "borders": {"shift": shift * 1e-3},
-                "options": {"turned": turned},
-            }
+            changes = {"borders": {"shift": shift * 1e-3}, "options": {"turned": turned}}
             yield "border of A and B", f"{shift:+d} ms, {words}", changes
-    for stick in (5, 10, 20, 100):
-        yield "duration of zone B", f"{stick} ms", {"borders": {"stick": stick * 1e-3}}
-
-
-def _solver() -> Iterator[Variation]:
-    for force in ALIGNMENTS:
-        for initial in ("tied", "free"):
-            changes: dict[str, Any] = {
-                "options": {"initial": initial},
-                "processing": {"force": force},
-            }
-            yield "initial forces", f"{initial}, {force}", changes
-    for factor in (0.1, 2.0, 3.0):
-        start = {name: factor * value for name, value in REFERENCE.items()}
-        yield "first iterate", f"{factor:g} times", {"options": {"start": start}}
+    durations = {f"{ms} ms": {"stick": ms * 1e-3} for ms in (5, 10, 20, 100)}
+    yield from _each("duration of zone B", "borders", durations)
+    initials = {initial: {"initial": initial} for initial in ("tied", "free")}
+    yield from _with_both_forces("initial forces", "options", initials)
+    starts = {
+        f"{factor:g} times": {name: factor * value for name, value in REFERENCE.items()}
+        for factor in (0.1, 2.0, 3.0)
+    }
     mixed = dict(zip(PARAMETERS, (1.0, 40.0, 3.0, 300.0), strict=True))
-    choice = "Fc 0.5, C 10, sigma_v 3, sigma0 0.3 times"
-    yield "first iterate", choice, {"options": {"start": mixed}}
+    starts["Fc 0.5, C 10, sigma_v 3, sigma0 0.3 times"] = mixed
+    yield from _each("first iterate", "options", {k: {"start": s} for k, s in starts.items()})
+
+
+def _each(group: str, part: str, choices: Mapping[str, Any]) -> Iterator[Variation]:
+    for choice, changed in choices.items():
+        yield group, choice, {part: changed}
+
+
+def _with_both_forces(group: str, part: str, choices: Mapping[str, Any]) -> Iterator[Variation]:
+    for force in ALIGNMENTS:
+        for choice, changed in choices.items():
+            yield group, f"{choice}, {force}", {part: changed, "processing": {"force": force}}

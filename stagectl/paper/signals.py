@@ -58,6 +58,9 @@ class Borders:
     stick: float = 0.05
 
 
+PROCESSING, BORDERS = Processing(), Borders()
+
+
 @dataclass(frozen=True, slots=True)
 class Move:
     """The samples of a move and its zones.
@@ -81,7 +84,7 @@ class Move:
 
 
 def prepare(
-    record: Record, processing: Processing | None = None, borders: Borders | None = None
+    record: Record, processing: Processing = PROCESSING, borders: Borders = BORDERS
 ) -> Move:
     """Differentiate, align, filter, and find the zones.
 
@@ -93,8 +96,6 @@ def prepare(
     Raises:
         ValueError: the move has no zone A or B.
     """
-    processing = processing or Processing()
-    borders = borders or Borders()
     period = 1.0 / record.rate
     x, u = record.position, record.force
     velocity = (x[2:] - x[:-2]) / (2 * period)

@@ -15,7 +15,13 @@ from typing import Any
 
 from stagectl.paper.fit import METHODS, Fit
 from stagectl.paper.published import PARAMETERS, REFERENCE
-from stagectl.paper.signals import Alignment, Borders, Move, Processing, prepare
+from stagectl.paper.signals import (
+    Alignment,
+    Borders,
+    Move,
+    Processing,
+    prepare,
+)
 from stagectl.paper.simulate import Record, Setup, simulate
 from stagectl.paper.window import Bounds, Initial, Options
 
@@ -130,12 +136,8 @@ def as_json(tables: Tables) -> dict[str, Any]:
 
 def _figures(fit: Fit) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    for name in PARAMETERS:
-        sigma = fit.sigma[name] if math.isfinite(fit.sigma[name]) else None
-        found[name] = {"value": fit.value[name], "sigma": sigma}
-    return {
-        **found,
-        "mse": fit.mse,
-        "iterations": sum(fit.iterations),
-        "evaluations": sum(fit.evaluations),
-    }
+    for name, sigma in fit.sigma.items():
+        said = sigma if math.isfinite(sigma) else None
+        found[name] = {"value": fit.value[name], "sigma": said}
+    counts = {"iterations": sum(fit.iterations), "evaluations": sum(fit.evaluations)}
+    return {**found, "mse": fit.mse, **counts}

@@ -69,6 +69,13 @@ class Options:
     turned: bool = True
     slide: tuple[int, ...] = ZONE_A
 
+    def first(self) -> F64:
+        """The first iterate, shape (4,)."""
+        return np.array([self.start[name] for name in PARAMETERS])
+
+
+OPTIONS = Options()
+
 
 @dataclass(frozen=True, slots=True)
 class Solution:
