@@ -1,7 +1,7 @@
 """Data of other programs become recordings.
 
 `import_map` reads which column is which channel, in which unit. `columns` are those of a file:
-`text_table`, `binary_table` (MATLAB, NumPy, HDF5, in `foreign_process`) or `plc_trace` (CODESYS).
+a trace of CODESYS, of `text_table` or `binary_table` (MATLAB, NumPy, HDF5, in `foreign_process`).
 `recording` brings them into SI units, onto one clock.
 
 Its names, in `__init__.pyi`, are imported on first use: the process of its own needs few of them.

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection
 from datetime import datetime
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
 from stagectl.importing.foreign_process import read_foreign
-from stagectl.importing.plc_trace import read_plc_trace
 from stagectl.importing.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
 _BINARY = (".mat", ".npz", ".h5", ".hdf5")
 _TRACES = (".trace", ".xml")
 _MOST_NAMES = 60
+TIME = "Timestamp"
 
 
 class Columns:
@@ -122,3 +123,40 @@ def _seconds(text: str, form: str | None) -> float:
     for part in parts:
         total = 60.0 * total + float(part)
     return total
+
+
+def read_plc_trace(path: Path) -> dict[str, FloatArray]:
+    """All variables of numbers of a trace that CODESYS saved, by name, and their times.
+
+    `Timestamp` are the times of the first one, in the trace's unit (milliseconds or microseconds);
+    a variable that was sampled at other times has `NAME.Timestamp` beside it.
+
+    Raises:
+        UnusableInput: the file cannot be read, or holds no samples; names file and variable.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()  # noqa: S314  the user's own file
+    except (ElementTree.ParseError, OSError, UnicodeError, LookupError) as error:
+        raise UnusableInput(f"{path}: not a readable trace: {error}") from error
+    found: dict[str, FloatArray] = {}
+    for variable in root.iter("TraceVariable"):
+        name = variable.get("VarName", "")
+        values, time = (_numbers(variable.findtext(part)) for part in ("Values", "Timestamps"))
+        if values is None or time is None:
+            continue
+        if len(values) != len(time):
+            raise UnusableInput(f"{path}: {name}: {len(values)} values at {len(time)} times")
+        found[name] = values
+        if not np.array_equal(found.setdefault(TIME, time), time):
+            found[f"{name}.{TIME}"] = time
+    if not found:
+        raise UnusableInput(f"{path}: no TraceVariable with samples of numbers")
+    return found
+
+
+def _numbers(text: str | None) -> FloatArray | None:
+    """Numbers with commas between them; None where there are none."""
+    try:
+        return np.array([float(part) for part in (text or "").split(",")])
+    except ValueError:
+        return None

@@ -3,7 +3,7 @@
 M. Boegli, T. De Laet, J. De Schutter, J. Swevers: A Split-Horizon Scheme for On-line Friction
 Parameter Estimation. `published` holds the paper's figures, `simulate` the move, `signals` its
 measurement, `window` and `fit` the paper's unweighted Gauss-Newton, `tables` its Tables I and II;
-`claims` and `sensitivity` judge them; `study` runs everything, `page` writes the report.
+`claims` judges them; `study` runs everything, varied too, `page` writes the report.
 
 A run uses another estimator, with a whitened residual and an arrival cost (`estimation`).
 """

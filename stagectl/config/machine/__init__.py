@@ -1,4 +1,4 @@
-"""Machine files: what one holds (`model`, with `drive`, `plant` and `effect`), read by `file`.
+"""Machine files: what one holds (`model`, with `drive` and `plant`), read by `file`.
 
 `checks` and `plausible` refuse what cannot be. `unknown` is what a file leaves open for a diagnosis
 to find; `twin` adds what one has found.
@@ -6,9 +6,9 @@ to find; `twin` adds what one has found.
 
 from stagectl.config.machine.drive import Drive as Drive
 from stagectl.config.machine.drive import Quirks as Quirks
-from stagectl.config.machine.effect import Effect as Effect
 from stagectl.config.machine.model import Axis as Axis
 from stagectl.config.machine.model import AxisName as AxisName
+from stagectl.config.machine.model import Effect as Effect
 from stagectl.config.machine.model import Label as Label
 from stagectl.config.machine.model import LengthPair as LengthPair
 from stagectl.config.machine.model import Machine as Machine

@@ -7,7 +7,7 @@ docs/reference-stage.md; conditions between them are in `stagectl.config.machine
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     BeforeValidator,
@@ -18,7 +18,6 @@ from pydantic import (
 
 from drivers.settings import RealTimeSettings, SyncSource
 from stagectl.config.machine.drive import Drive
-from stagectl.config.machine.effect import GivenEffect
 from stagectl.config.machine.plant import Plant
 from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
@@ -116,6 +115,43 @@ class Homing(Section):
     method: Annotated[int, Field(ge=-128, le=127)] = 34
     velocity: Annotated[PositiveVelocity, Plausible(1e-15, 1e6, "m/s")] = 0.01
     index_velocity: Annotated[PositiveVelocity, Plausible(1e-15, 1e6, "m/s")] = 0.002
+
+
+class Effect(NamedTuple):
+    """A physical effect by name, with its parameters (SI): numbers, or tuples of them."""
+
+    name: str
+    parameters: Mapping[str, Any]
+
+
+def _effect(value: object) -> Effect:
+    """`{effect: NAME, KEY: NUMBER or LIST, ...}`; the simulator checks the keys of each effect."""
+    if not isinstance(value, dict):
+        raise refusal(
+            f"must be a mapping {{effect: name, key: number}}, is {describe_value(value)}"
+        )
+    name = value.get("effect")
+    if not isinstance(name, str) or not name:
+        raise refusal("needs the key effect with the effect's name")
+    figures: dict[str, Any] = {}
+    for key, figure in value.items():
+        if key == "effect":
+            continue
+        if isinstance(figure, list):
+            figures[key] = tuple(_number(name, f"{key}[{i}]", one) for i, one in enumerate(figure))
+        else:
+            figures[key] = _number(name, key, figure)
+    return Effect(name, figures)
+
+
+def _number(effect: str, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise refusal(f"{effect}: {key} must be a number (SI), is {describe_value(value)}")
+    return float(value)
+
+
+GivenEffect = Annotated[Effect, BeforeValidator(_effect)]
+"""An effect as it stands in a machine file."""
 
 
 class Axis(Section):

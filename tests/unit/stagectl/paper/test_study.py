@@ -2,7 +2,7 @@
 
 import pytest
 
-from stagectl.paper import Case, Setup, sensitivity
+from stagectl.paper import Case, Setup, study
 from stagectl.paper.tables import error
 
 WANTED = {
@@ -13,7 +13,7 @@ WANTED = {
 
 @pytest.fixture(scope="module")
 def rows():
-    return {(row.group, row.choice): row for row in sensitivity.compute(Case())}
+    return {(row.group, row.choice): row for row in study.vary(Case())}
 
 
 def off(rows, group, choice, name):
@@ -45,6 +45,6 @@ def test_force_has_to_go_through_the_filter(rows):
 
 def test_an_impossible_choice_is_a_row_with_its_reason():
     case = Case(Setup(rate=500, bandwidth=50.0))
-    gains = [row for row in sensitivity.compute(case) if row.choice == "200 Hz, aligned"]
+    gains = [row for row in study.vary(case) if row.choice == "200 Hz, aligned"]
     assert [row.fit for row in gains] == [None]
     assert "unstable" in gains[0].problem
