@@ -15,6 +15,7 @@ from hil_sim.effects import AppliedEffect, Effect, Parameter
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from sim2real.blind.unlisted_effects import UnlistedEffect
+from sim2real.fitting import plant_figure, with_figures
 
 KINDS = ("one", "two", "none", "outside", "departing")
 """Kinds of trial: one or two effects of the library, none, of no family, of another shape.
@@ -201,17 +202,10 @@ def add_effects(settings: StageSettings, axis: str, *effects: AppliedEffect) -> 
 
 def off_nominal(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> StageSettings:
     """The stage with its figures changed by relative deviations."""
-    axes = []
-    for axis in settings.axes:
-        off = base[axis.name]
-        figures = {name: getattr(axis.friction, name) * (1.0 + off[name]) for name in BASE}
-        axes.append(
-            replace(
-                axis,
-                mass=axis.mass * (1.0 + off["mass"]),
-                friction=axis.friction.with_figures(figures),
-            )
-        )
+    axes = (
+        with_figures(a, {key: plant_figure(a, key) * (1.0 + d) for key, d in base[a.name].items()})
+        for a in settings.axes
+    )
     return replace(settings, axes=tuple(axes))
 
 

@@ -17,6 +17,7 @@ from sim2real.fitting.axis_model import plant_figure as plant_figure
 from sim2real.fitting.axis_model import reported_values as reported_values
 from sim2real.fitting.axis_model import with_base as with_base
 from sim2real.fitting.axis_model import with_effects as with_effects
+from sim2real.fitting.axis_model import with_figures as with_figures
 from sim2real.fitting.axis_problem import AxisProblem as AxisProblem
 from sim2real.fitting.axis_problem import Fitted as Fitted
 from sim2real.fitting.coordinates import Coordinate as Coordinate

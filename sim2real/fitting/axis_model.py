@@ -111,14 +111,17 @@ class AxisModel:
 
 def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
     """The axis with its base parameters changed by relative deviations, float64[NUISANCES]."""
-    factor = dict(zip(BASE, 1.0 + base[:STEP], strict=True))
-    friction = nominal.friction
+    factors = zip(BASE, 1.0 + base[:STEP], strict=True)
+    return with_figures(nominal, {key: plant_figure(nominal, key) * f for key, f in factors})
+
+
+def with_figures(axis: AxisSettings, figures: Mapping[str, float]) -> AxisSettings:
+    """The axis with another mass [kg] or figures of its friction in SI units."""
+    friction = {key: value for key, value in figures.items() if key != "mass"}
     return replace(
-        nominal,
-        mass=nominal.mass * factor["mass"],
-        friction=friction.with_figures(
-            {key: getattr(friction, key) * factor[key] for key in BASE if key != "mass"}
-        ),
+        axis,
+        mass=figures.get("mass", axis.mass),
+        friction=axis.friction.with_figures(friction) if friction else axis.friction,
     )
 
 

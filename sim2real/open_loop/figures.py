@@ -20,6 +20,7 @@ from scipy.special import eval_legendre
 from hil_sim.plant import force_variants
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_units import unit_on
+from sim2real.fitting import plant_figure, with_figures
 from sim2real.open_loop.motion import Motion
 
 F64 = NDArray[np.float64]
@@ -62,16 +63,6 @@ def fit_figures(
         open_figures = names or "stiffness" in others
         axes.append(_fit_axis(motions, axis, names, others) if open_figures else axis)
     return replace(settings, axes=tuple(axes))
-
-
-def with_figures(axis: AxisSettings, figures: Mapping[str, float]) -> AxisSettings:
-    """The axis with other values of some `FIGURES`."""
-    friction = {key: value for key, value in figures.items() if key != "mass"}
-    return replace(
-        axis,
-        mass=figures.get("mass", axis.mass),
-        friction=axis.friction.with_figures(friction) if friction else axis.friction,
-    )
 
 
 def _fit_axis(
@@ -146,11 +137,6 @@ class _Fit:
         friction: Sequence[F64],
     ) -> None:
         reach = max(float(np.abs(m.axes[axis.name].position).max()) for m in motions)
-        own = {
-            "mass": axis.mass,
-            "coulomb": axis.friction.coulomb,
-            "viscous": axis.friction.viscous,
-        }
         rows, targets = [], []
         for motion, sliding in zip(motions, friction, strict=True):
             moved = motion.axes[axis.name]
@@ -163,7 +149,7 @@ class _Fit:
             when = np.linspace(-1.0, 1.0, len(sliding))[moved.usable]
             smooth += [low["coulomb"] * eval_legendre(degree, when) for degree in _DRIFT]
             rows.append(np.column_stack([*(low[key] for key in names), *smooth]))
-            known = sum(own[key] * low[key] for key in FIGURES if key not in names)
+            known = sum(plant_figure(axis, k) * low[k] for k in FIGURES if k not in names)
             targets.append(moved.force[moved.usable] - known)
         self._columns, self.target = np.concatenate(rows), np.concatenate(targets)
         if len(self.target) <= self._columns.shape[1]:
