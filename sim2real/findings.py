@@ -218,10 +218,10 @@ class NextExperiment:
     macro: Annotated[Mapping[str, float], Field(exclude=True)]
     micro: Annotated[Mapping[str, float], Field(exclude=True)]
 
-    def recipe(self) -> dict[str, Any]:
+    def recipe(self, name: str = "next-experiment") -> dict[str, Any]:
         """A recipe for `stagectl run`."""
         return {
-            "recipe": "next-experiment",
+            "recipe": name,
             "macro": dict(self.macro),
             "micro": dict(self.micro),
             "settle": {"window": 1e-6, "hold": 0.005, "timeout": 0.5},

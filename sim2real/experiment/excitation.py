@@ -9,11 +9,10 @@ dead time, current bandwidth and resonances.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.experiment.sequences import MICRO_LIMITS, Move, Reach, candidate_sequences
+from sim2real.findings import NextExperiment
 
 PARTS = ("a slow sweep there and back", "strokes at several speeds", "small reversals")
 """Of `candidate_sequences`, in this order."""
@@ -30,31 +29,7 @@ _LARGEST = 400.0
 """Highest frequency whatever the SYNC [Hz]: encoder and loop show nothing beyond."""
 
 
-@dataclass(frozen=True, slots=True)
-class Excitation:
-    """Moves that excite what effects act on.
-
-    Attributes:
-        moves: as under `moves` of a recipe.
-        macro, micro: velocity, acceleration and jerk (SI), as in a recipe.
-    """
-
-    moves: tuple[Move, ...]
-    macro: Mapping[str, float]
-    micro: Mapping[str, float]
-
-    def recipe(self, name: str = "excite") -> dict[str, Any]:
-        """A recipe for `stagectl run`."""
-        return {
-            "recipe": name,
-            "macro": dict(self.macro),
-            "micro": dict(self.micro),
-            "settle": {"window": 1e-6, "hold": 0.005, "timeout": 0.5},
-            "moves": [dict(move) for move in self.moves],
-        }
-
-
-def excite_axes(settings: StageSettings, axes: tuple[str, ...] = ()) -> Excitation:
+def excite_axes(settings: StageSettings, axes: tuple[str, ...] = ()) -> NextExperiment:
     """Moves that excite these axes one after the other.
 
     Args:
@@ -78,7 +53,7 @@ def excite_axes(settings: StageSettings, axes: tuple[str, ...] = ()) -> Excitati
         for part in PARTS:
             moves += parts[part]
         moves += _chirps(axis, reach, settings)
-    return Excitation(tuple(moves), macro, micro)
+    return NextExperiment("they tell effects apart", tuple(moves), macro, micro)
 
 
 def _reach(axis: AxisSettings, macro: Mapping[str, float]) -> Reach:
