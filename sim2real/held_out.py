@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import count
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, compose_stage, fit
+from sim2real.fitting import AxisModel, AxisProblem, compose_stage, fit
 from sim2real.gap import NO_GAP_BELOW, Measured, Signals, rms, subtract_signals
 from sim2real.phases import split_moves
 from stagedata import BoolArray
@@ -26,6 +25,9 @@ from stagedata import BoolArray
 F64 = NDArray[np.float64]
 Share = tuple[float, tuple[float, float]]
 """A share of the gap, and its 95 % interval."""
+FittedAxis = tuple[AxisProblem, AxisModel, Sequence[AxisModel]]
+"""One axis, the model fitted to it, and for each fold the model already fitted to the moves of all
+others; without these, they are fitted."""
 
 FLOOR_LEVEL = 2.0
 """Squared gap over floor of an axis that is explained: one for each signal."""
@@ -168,26 +170,10 @@ class HeldOut:
         return share_given_back(before, without, after, samples)
 
 
-class FittedAxis(Protocol):
-    """One axis and the model that was fitted to it."""
-
-    @property
-    def problem(self) -> AxisProblem:
-        """Recordings and cost of the axis."""
-
-    @property
-    def best(self) -> Fitted:
-        """The fitted model."""
-
-    @property
-    def folds(self) -> Sequence[AxisModel]:
-        """For each fold, the model already fitted to the moves of all others; empty if none is."""
-
-
 def predict_held_out(
     measured: Sequence[Measured],
     settings: StageSettings,
-    searches: Mapping[str, FittedAxis],
+    fitted: Mapping[str, FittedAxis],
     pool: ThreadPoolExecutor,
     progress: Callable[[int, int], object],
 ) -> HeldOut:
@@ -196,31 +182,30 @@ def predict_held_out(
     Args:
         measured: the recordings.
         settings: of the machine file.
-        searches: axis -> what was fitted.
+        fitted: axis -> what was fitted.
         pool: threads for the axes.
         progress: called with (fits done, all fits).
     """
     recorded = _Recorded(measured, settings)
     held = [recorded.moves_of(fold) for fold in range(FOLDS)]
-    fits = FOLDS * len(searches)
+    fits = FOLDS * len(fitted)
     progress(0, fits)
     numbers = count(1)  # from any thread
 
     def refit(name: str) -> list[AxisModel]:
-        search = searches[name]
-        models = list(search.folds)
-        if models:
-            return models
+        whole, best, known = fitted[name]
+        if known:
+            return list(known)
+        models = []
         for masks in held:
             others = [_to_periods(~mask, m) for mask, m in zip(masks, measured, strict=True)]
-            problem = search.problem.masked(others)
-            models.append(fit(problem, search.best.model, 1, thorough=False).model)
+            models.append(fit(whole.masked(others), best, 1, thorough=False).model)
             progress(next(numbers), fits)
         return models
 
-    by_axis = dict(zip(searches, pool.map(refit, searches), strict=True))
+    by_axis = dict(zip(fitted, pool.map(refit, fitted), strict=True))
     folds = [{name: models[fold] for name, models in by_axis.items()} for fold in range(FOLDS)]
-    best = {name: search.best.model for name, search in searches.items()}
+    best = {name: model for name, (_, model, _) in fitted.items()}
     after = recorded.compose(folds, held)
     without = {
         (name, index): recorded.compose(
@@ -234,7 +219,7 @@ def predict_held_out(
         recorded.energies([m.residual for m in measured]),
         recorded.remaining(after),
         {key: recorded.remaining(residuals) for key, residuals in without.items()},
-        dict.fromkeys(searches, slice(None)),
+        dict.fromkeys(fitted, slice(None)),
         tuple(
             subtract_signals(m.replay.measured(), residual)
             for m, residual in zip(measured, after, strict=True)

@@ -283,14 +283,14 @@ def examine_motion(
         audit_motion(recording, motion, examined.settings)
         for recording, motion in zip(recordings, motions, strict=True)
     ]
-    faults = tuple(fault for audit in audits for fault in audit.findings)
-    lost = next((f for audit in audits if (f := audit.lost_sign()) is not None), None)
+    faults = tuple(fault for findings_of, _ in audits for fault in findings_of)
+    lost = next((fault for fault in faults if fault.finding == "sign"), None)
     marked = mark_applied(faults) if correct and lost is None else faults
     examined = replace(examined, findings=_merge_findings([[*findings, *marked]]))
     if lost is not None:
         return replace(examined, insufficient=f"{lost.text}: log it with its sign")
     if faults and correct:
-        recordings = [audit.recording for audit in audits]
+        recordings = [corrected for _, corrected in audits]
         motions = _measure_motions(recordings, examined.settings, examined.clock)
     reason = f"{faults[0].text}; {_CORRECT}" if faults and not correct else None
     settings = examined.settings

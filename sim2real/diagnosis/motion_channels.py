@@ -6,8 +6,6 @@ it was logged late, and whether it lost its sign.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from hil_sim.settings import StageSettings
 from sim2real.audit import delay_finding, remove_delay
 from sim2real.findings import ChannelFinding
@@ -15,25 +13,12 @@ from sim2real.open_loop import Motion, find_delay, has_lost_sign
 from stagedata import Recording
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionChannels:
-    """The faults of a recording's forces.
+def audit_motion(
+    recording: Recording, motion: Motion, settings: StageSettings
+) -> tuple[list[ChannelFinding], Recording]:
+    """The faults of a recording's forces, and the recording without the delays found.
 
-    Attributes:
-        findings: none of them marked as applied.
-        recording: without the delays found.
-    """
-
-    findings: tuple[ChannelFinding, ...]
-    recording: Recording
-
-    def lost_sign(self) -> ChannelFinding | None:
-        """The finding of a force without its sign, which nothing restores; or None."""
-        return next((f for f in self.findings if f.finding == "sign"), None)
-
-
-def audit_motion(recording: Recording, motion: Motion, settings: StageSettings) -> MotionChannels:
-    """Audit the forces of a recording.
+    A force without its sign ("sign") cannot be corrected for.
 
     Args:
         recording: as logged.
@@ -51,4 +36,4 @@ def audit_motion(recording: Recording, motion: Motion, settings: StageSettings) 
             continue
         findings.append(delay_finding(axis.name, "force_actual", delay.value, motion.period))
         recording = remove_delay(recording, axis.name, "force_actual", delay.value, motion.period)
-    return MotionChannels(tuple(findings), recording)
+    return findings, recording

@@ -85,7 +85,8 @@ def diagnose(
         searches = measure_closed(stage.searches, examined.measured, settings)
         progress("shapes", 3, 3)
         told = partial(progress, "held-out moves")
-        held_out = predict_held_out(examined.measured, settings, searches, pool, told)
+        fitted = {name: (s.problem, s.best.model, s.folds) for name, s in searches.items()}
+        held_out = predict_held_out(examined.measured, settings, fitted, pool, told)
         return conclude(examined, searches, held_out)
 
 
