@@ -20,7 +20,7 @@ from sim2real.attribution.levels import is_wander
 from sim2real.attribution.shape_check import Repeat
 from sim2real.dictionary import Candidate
 from sim2real.fitting import STEP, AxisModel, AxisProblem, Fitted, Term, fit
-from sim2real.free_loop import FreeFit, FreeLoop, FreeSearch, fit_figures, move_covariance
+from sim2real.free_loop import FreeLoop, FreeSearch, fit_figures, move_covariance
 from sim2real.gap import Measured
 from sim2real.held_out import FLOOR_LEVEL, axis_gap
 from sim2real.scoring import weigh_effect
@@ -210,7 +210,7 @@ class AxisSearch(AxisResult):
         return replace(self, best=best, folds=folds)
 
     def _figures(
-        self, loop: FreeLoop, fitted: FreeFit, folds: Sequence[FreeFit]
+        self, loop: FreeLoop, fitted: Fitted, folds: Sequence[Fitted]
     ) -> tuple[Fitted, list[AxisModel]]:
         """What the free loop fitted, to all moves and to all but a fold's."""
         best = self.problem.unfitted(fitted.model)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from sim2real.blind.moves import Demands, draw_demands
 from sim2real.blind.outcome import Outcome, ReportedCause
 from sim2real.blind.seal import Sealed, seal_key
 from sim2real.blind.stage import SUBSTEPS, record_stage, with_elements
-from sim2real.diagnosis import Diagnosis, Progress, diagnose, examine
+from sim2real.diagnosis import Progress, diagnose, examine
 from sim2real.findings import GapReport
 from sim2real.gap import (
     combined_gap,
@@ -164,7 +163,7 @@ def run_trial(
     second = None
     if found is not None and promised is not None:
         before = measure_gap(trial.second, setup.settings)
-        after = compare_with_model(trial.second, build_twin(setup.settings, found, library), 1).gap
+        after = compare_with_model(trial.second, found.twin(setup.settings), 1).gap
         second = gap_closed(before, after)
     gap = measure_gap(trial.first, setup.settings, 3)
     return Outcome(
@@ -187,30 +186,6 @@ def run_trial(
         trial.sealed.digest,
         error,
     )
-
-
-def build_twin(
-    settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]
-) -> StageSettings:
-    """The stage that the report describes: causes added, plant figures changed."""
-    axes = []
-    for axis in settings.axes:
-        figures: dict[str, Any] = dict(found.plant.get(axis.name, {}))
-        mass = figures.pop("mass", axis.mass)
-        causes = [cause for cause in found.report.causes if cause.axis == axis.name]
-        effects = [
-            library[c.effect].at(**{key: p.value for key, p in c.parameters.items()})
-            for c in causes
-        ]
-        axes.append(
-            replace(
-                axis,
-                mass=mass,
-                friction=axis.friction.with_figures(figures),
-                effects=(*axis.effects, *effects),
-            )
-        )
-    return replace(settings, axes=tuple(axes))
 
 
 def reported_causes(report: GapReport) -> tuple[ReportedCause, ...]:

@@ -22,7 +22,6 @@ from sim2real.findings import Cause, EmpiricalForce, FittedFigure
 from sim2real.fitting import (
     BASE,
     AxisModel,
-    Fitted,
     Workers,
     compose_stage,
     plant_figure,
@@ -96,7 +95,7 @@ def _result(search: FreeSearch) -> AxisResult:
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
-        best=Fitted(best.model, best.cost, best.residual, covariance),
+        best=replace(best, covariance=covariance),
         open_gap=search.open_gap,
         is_complete=search.is_near_floor(),
         free=search,
@@ -139,6 +138,15 @@ def _without(model: AxisModel, name: str) -> AxisModel:
     return model.without(names.index(name)) if name in names else model
 
 
+def only_causes(models: Mapping[str, AxisModel], causes: Sequence[Cause]) -> dict[str, AxisModel]:
+    """The models without effects that are no causes."""
+    named = {(cause.axis, cause.effect) for cause in causes}
+    return {
+        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
+        for name, model in models.items()
+    }
+
+
 def describe_forces(
     examined: Examination, models: Mapping[str, AxisModel], causes: Sequence[Cause]
 ) -> tuple[EmpiricalForce, ...]:
@@ -150,13 +158,8 @@ def describe_forces(
         causes: that are named. What is described is what a twin with these effects leaves; on an
             axis without causes, what the machine file leaves.
     """
-    named = {(cause.axis, cause.effect) for cause in causes}
-    beside = {
-        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
-        for name, model in models.items()
-        if any(axis == name for axis, _ in named)
-    }
-    settings = compose_stage(examined.settings, beside)
+    known = {name: model for name, model in models.items() if name in {c.axis for c in causes}}
+    settings = compose_stage(examined.settings, only_causes(known, causes))
     motions = examined.motions or tuple(
         measure_motion(m.replay.recording, settings) for m in examined.measured
     )

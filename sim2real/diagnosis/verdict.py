@@ -15,7 +15,7 @@ from sim2real.attribution import (
     list_candidates,
     of_size,
 )
-from sim2real.diagnosis.along_motion import describe_forces, fitted_figures
+from sim2real.diagnosis.along_motion import describe_forces, fitted_figures, only_causes
 from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
 from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.diagnosis.reason import describe_far_off, give_reason
@@ -33,7 +33,14 @@ from sim2real.findings import (
     NextExperiment,
     SelectionStep,
 )
-from sim2real.fitting import BASE, AxisModel, coordinate, plant_figure, with_base
+from sim2real.fitting import (
+    BASE,
+    AxisModel,
+    compose_stage,
+    coordinate,
+    plant_figure,
+    with_base,
+)
 from sim2real.gap import NO_GAP_BELOW, Signals
 from sim2real.held_out import HeldOut, Remaining, combined_energy, share_closed
 from sim2real.scoring.constants import ENOUGH, NEAR
@@ -70,6 +77,10 @@ class Diagnosis:
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     profiles: tuple[FrictionOverPosition, ...] = ()
     steps: Mapping[str, Sequence[AxisModel]] = field(default_factory=dict)
+
+    def twin(self, settings: StageSettings) -> StageSettings:
+        """The stage of the machine file with the causes, and with plant figures changed."""
+        return compose_stage(settings, only_causes(self.models, self.report.causes))
 
 
 def conclude(

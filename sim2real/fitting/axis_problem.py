@@ -67,7 +67,7 @@ class Fitted:
     model: AxisModel
     cost: float
     residual: F64
-    covariance: F64 | None
+    covariance: F64 | None = None
     last_gain: float = 0.0
 
 
@@ -200,7 +200,7 @@ class AxisProblem:
     def unfitted(self, model: AxisModel) -> Fitted:
         """A model as it is; with the largest deviations where physics does not allow it."""
         (residual,) = self.residuals_or_worst([model])
-        return Fitted(model, self.cost(model, residual), residual, None)
+        return Fitted(model, self.cost(model, residual), residual)
 
     def reweighted(self, fitted: Fitted) -> Fitted:
         """The same model with residual and cost under the present gains and outliers."""
@@ -210,7 +210,7 @@ class AxisProblem:
     def nominal_fit(self) -> Fitted:
         """The nominal model, unfitted."""
         residual = self.weighted(self.tracks)
-        return Fitted(self.start, self.cost(self.start, residual), residual, None)
+        return Fitted(self.start, self.cost(self.start, residual), residual)
 
     def recosted(self, fitted: Fitted) -> Fitted:
         """The same fit with its cost under the present outliers."""

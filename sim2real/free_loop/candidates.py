@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from sim2real.dictionary import Dictionary, Linearised, typical
-from sim2real.fitting import STEP
-from sim2real.free_loop.fit import FreeFit, derivatives, free_cost
+from sim2real.fitting import STEP, Fitted
+from sim2real.free_loop.fit import derivatives, free_cost
 from sim2real.free_loop.loop import FreeLoop
 from stagedata import BoolArray
 
@@ -37,7 +37,7 @@ class FreeDictionary(Dictionary):
         base_columns: derivatives by the base parameters, float64[R, STEP].
     """
 
-    def __init__(self, loop: FreeLoop, fitted: FreeFit, moves: BoolArray | None = None) -> None:
+    def __init__(self, loop: FreeLoop, fitted: Fitted, moves: BoolArray | None = None) -> None:
         self._loop = loop
         self._fitted = fitted
         self._own = np.ones(len(loop.move), dtype=np.bool_) if moves is None else moves[loop.move]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from sim2real.fitting import (
     MAX_SIGMAS,
     STEP,
     AxisModel,
+    Fitted,
     Term,
     coordinates,
     effect_coordinates,
@@ -39,28 +39,13 @@ _CONVERGED = 0.05
 """A fit ends when the cost decreases by less than this."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FreeFit:
-    """A model fitted to the free loop.
-
-    Attributes:
-        model: at the minimum.
-        residual: what it leaves, float64[R].
-        cost: twice the negative log posterior, on the moves that were fitted.
-    """
-
-    model: AxisModel
-    residual: F64
-    cost: float
-
-
 def fit_free(
     loop: FreeLoop,
     model: AxisModel,
     iterations: int,
     moves: BoolArray | None = None,
     base_columns: F64 | None = None,
-) -> FreeFit:
+) -> Fitted:
     """Fit base parameters and effects, starting from a model.
 
     Args:
@@ -108,7 +93,7 @@ def fit_free(
         cost, model, residual = best
         if gained < _CONVERGED:
             break
-    return FreeFit(model, residual, cost)
+    return Fitted(model, cost, residual)
 
 
 def derivatives(
@@ -148,7 +133,7 @@ def derivatives(
     return columns[:, list(by)]
 
 
-def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
+def move_covariance(loop: FreeLoop, fitted: Fitted) -> F64:
     """Covariance of a fit, float64[P, P]: by the prior's noise and by the scatter between moves.
 
     The residual of an incomplete model is not noise; the disagreement between moves is a better
@@ -160,12 +145,12 @@ def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
     return np.asarray(inverse + inverse @ (scores.T @ scores) @ inverse)
 
 
-def least_squares_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
+def least_squares_covariance(loop: FreeLoop, fitted: Fitted) -> F64:
     """Covariance of a fit if all that it leaves were noise, float64[P, P]."""
     return _least_squares(loop, fitted)[0]
 
 
-def _least_squares(loop: FreeLoop, fitted: FreeFit) -> tuple[F64, F64, float]:
+def _least_squares(loop: FreeLoop, fitted: Fitted) -> tuple[F64, F64, float]:
     """Inverse of the normal matrix, derivatives float64[R, P], and weight of an element."""
     columns = derivatives(loop, fitted.model, fitted.residual)
     weight = 1.0 / (loop.coherent * max(float(np.mean(fitted.residual**2)), 1.0))

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate
-from sim2real.fitting import AxisModel, implausibility
+from sim2real.fitting import AxisModel, Fitted, implausibility
 from sim2real.free_loop.candidates import FreeDictionary
-from sim2real.free_loop.fit import FreeFit, fit_free
+from sim2real.free_loop.fit import fit_free
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.held_out import FLOOR_LEVEL, FOLDS
 from sim2real.scoring import effects_penalty, weigh_effect
@@ -80,8 +80,8 @@ class FreeSearch:
     """
 
     loop: FreeLoop
-    best: FreeFit
-    folds: list[FreeFit]
+    best: Fitted
+    folds: list[Fitted]
     open_gap: float
     steps: list[Step] = field(default_factory=list)
     scores: dict[tuple[str, ...], float] = field(default_factory=dict)
@@ -118,7 +118,7 @@ class FreeSearch:
         return min(self.closed, probability, SURE), others
 
 
-def score(loop: FreeLoop, fitted: FreeFit) -> float:
+def score(loop: FreeLoop, fitted: Fitted) -> float:
     """Score of a model that was fitted to all moves, to be minimised.
 
     It is the cost of the fit plus what its effects have to save.
@@ -205,10 +205,10 @@ class _Selection:
         self._loop = loop
         self._library = library
         self._promising: set[str] = set()
-        self._kept: dict[tuple[str, ...], FreeFit] = {}
+        self._kept: dict[tuple[str, ...], Fitted] = {}
         self.scores: dict[tuple[str, ...], float] = {}
 
-    def fit(self, model: AxisModel, iterations: int, base_columns: F64 | None = None) -> FreeFit:
+    def fit(self, model: AxisModel, iterations: int, base_columns: F64 | None = None) -> Fitted:
         """The best fit of a model's effects so far, this one included."""
         found = fit_free(self._loop, model, iterations, base_columns=base_columns)
         key, own = tuple(sorted(model.names())), score(self._loop, found)
@@ -216,13 +216,13 @@ class _Selection:
             self._kept[key], self.scores[key] = found, own
         return self._kept[key]
 
-    def add_best(self, fitted: FreeFit) -> FreeFit | None:
+    def add_best(self, fitted: Fitted) -> Fitted | None:
         """The best effect beside a model; None where none changes anything."""
         found, base_columns = self._candidates(fitted, list(self._library))
         self._promising |= {c.term.name for c in found[:REMEMBERED]}
         return self._best_of(fitted, found[:FITTED], base_columns)
 
-    def look_back(self, fitted: FreeFit) -> FreeFit:
+    def look_back(self, fitted: Fitted) -> Fitted:
         """Drop or replace earlier effects where that scores better."""
         for name in fitted.model.names()[:-1]:
             without = fitted.model.without(fitted.model.names().index(name))
@@ -239,7 +239,7 @@ class _Selection:
                 fitted = swapped
         return fitted
 
-    def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> tuple[list[Candidate], F64]:
+    def _candidates(self, fitted: Fitted, names: Sequence[str]) -> tuple[list[Candidate], F64]:
         """Starts of these effects beside a model, best first; derivatives by base parameters."""
         dictionary = FreeDictionary(self._loop, fitted)
         candidates: list[Candidate] = []
@@ -249,8 +249,8 @@ class _Selection:
         return sorted(candidates, key=lambda c: -c.gain), dictionary.base_columns
 
     def _best_of(
-        self, fitted: FreeFit, candidates: Sequence[Candidate], base_columns: F64
-    ) -> FreeFit | None:
+        self, fitted: Fitted, candidates: Sequence[Candidate], base_columns: F64
+    ) -> Fitted | None:
         """The best of these candidates beside a model, fitted."""
         starts = [fitted.model.added(c.term) for c in candidates]
         allowed = [start for start in starts if self._loop.allows(start)]
@@ -260,7 +260,7 @@ class _Selection:
         return self.fit(min(tried, key=lambda f: score(self._loop, f)).model, LONG)
 
 
-def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[FreeFit, list[FreeFit]]:
+def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[Fitted, list[Fitted]]:
     """A model fitted to all moves, and to all but a fold's for each fold.
 
     Args:
@@ -271,7 +271,7 @@ def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[FreeFit, list[FreeFit
     return fitted, [fit_free(loop, fitted.model, SHORT, train) for train in _training(loop)]
 
 
-def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> list[FreeFit]:
+def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[Fitted]) -> list[Fitted]:
     """The effects of a model fitted to all moves but a fold's, for each fold.
 
     Start values are sought anew on these moves, since those of the model come from all moves.

@@ -15,26 +15,40 @@ from sim2real.blind.reserved_effects import VARIANTS
 from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
 from sim2real.gap import prepare_replay
 from sim2real.tracking import Tracker
-from stagectl.config.machine.file import parse_machine
+from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import read_recording
 from stagedata import Recording
 
 DATA = Path(__file__).parents[2] / "data"
 TOLERANCE = {"x": 0.003, "y": 0.003}
+Nominal = tuple[Recording, StageSettings]
+"""A recording without effects, and the stage that made it."""
 SECONDS = 3.0
 FINER = 8
 """Plant steps per control tick of these stages, of which the diagnosis knows nothing."""
 
 
 @pytest.fixture(scope="session")
-def nominal() -> tuple[Recording, StageSettings]:
+def stage() -> StageSettings:
+    """The packaged stage."""
+    return stage_settings(load_machine())
+
+
+@pytest.fixture(scope="session")
+def recorded() -> Recording:
+    """A recording of it."""
+    return read_recording(DATA / "null-2.h5")
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Nominal:
     recording = read_recording(DATA / "null-1.h5")
     return recording, stage_settings(parse_machine(recording.machine, "null-1"))
 
 
 def stage_with(
-    nominal: tuple[Recording, StageSettings],
+    nominal: Nominal,
     seed: int,
     seconds: float = SECONDS,
     **effects: dict[str, dict[str, float]],

@@ -10,12 +10,11 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.blind.trial import build_twin
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
 from sim2real.gap import compare_with_model, gap_closed
 from stagedata import Recording
 from tests.signals import as_in_a_terminal
-from tests.unit.sim2real.conftest import TOLERANCE, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
 
 
 def diagnosed(recording: Recording, settings: StageSettings, *names: str) -> Diagnosis:
@@ -34,7 +33,7 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def late(nominal: tuple[Recording, StageSettings]) -> Told:
+def late(nominal: Nominal) -> Told:
     recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
     rivals = ("dead_time", "current_bandwidth", "payload_mass", "force_offset")
     told: dict[str, list[float]] = {}
@@ -66,7 +65,7 @@ def test_progress_is_told_in_every_phase(late: Told) -> None:
 
 
 @pytest.mark.slow
-def test_three_effects_of_one_axis_are_named(nominal: tuple[Recording, StageSettings]) -> None:
+def test_three_effects_of_one_axis_are_named(nominal: Nominal) -> None:
     there = {
         "dead_time": {"delay": 4e-4},
         "payload_mass": {"mass": 0.8},
@@ -82,15 +81,13 @@ def test_three_effects_of_one_axis_are_named(nominal: tuple[Recording, StageSett
 
 
 @pytest.mark.slow
-def test_what_is_promised_holds_for_what_is_named(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_what_is_promised_holds_for_what_is_named(nominal: Nominal) -> None:
     """A Coulomb force beyond its usual range is needed beside the mass, and promised with it."""
     there = {"coulomb_level": {"ratio": 1.55}, "payload_mass": {"mass": 0.8}}
     recording = stage_with(nominal, 32, y=there)
     found = diagnosed(recording, nominal[1], *there, "force_offset", "viscous_damping")
     assert {c.effect for c in found.report.causes} == set(there)
-    twin = build_twin(nominal[1], found, library())
+    twin = found.twin(nominal[1])
     other = stage_with(nominal, 33, y=there)
     before, after = (compare_with_model(other, s, 1).gap for s in (nominal[1], twin))
     assert found.report.gap_closed is not None
@@ -98,7 +95,7 @@ def test_what_is_promised_holds_for_what_is_named(
 
 
 @pytest.mark.slow
-def test_an_effect_named_too_early_is_replaced(nominal: tuple[Recording, StageSettings]) -> None:
+def test_an_effect_named_too_early_is_replaced(nominal: Nominal) -> None:
     """Alone, force_constant fits better than the mass; beside the Coulomb force the mass does."""
     there = {"payload_mass": {"mass": -0.6}, "coulomb_level": {"ratio": 0.8}}
     recording = stage_with(nominal, 2, y=there)
@@ -108,9 +105,7 @@ def test_an_effect_named_too_early_is_replaced(nominal: tuple[Recording, StageSe
 
 
 @pytest.mark.slow
-def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(nominal: Nominal) -> None:
     """By itself it is all of these; another level of friction hides one of them."""
     there = {
         "force_constant": {"ratio": 1.1},
@@ -123,7 +118,7 @@ def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(
     assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
 
 
-def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> None:
+def test_ctrl_c_ends_the_searches(nominal: Nominal) -> None:
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
     examined = examine([recording], nominal[1])
     known = {name: library()[name] for name in ("dead_time", "payload_mass")}
@@ -139,7 +134,7 @@ def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> N
     assert 0 < max(done) <= 40, "no axis went on to fit what it had scanned"
 
 
-def test_a_stage_within_tolerance_has_no_gap(nominal: tuple[Recording, StageSettings]) -> None:
+def test_a_stage_within_tolerance_has_no_gap(nominal: Nominal) -> None:
     recording = stage_with(nominal, 12)
     found = diagnosed(
         recording, nominal[1], "payload_mass", "coulomb_level", "force_offset", "cogging"
@@ -148,9 +143,7 @@ def test_a_stage_within_tolerance_has_no_gap(nominal: tuple[Recording, StageSett
     assert found.report.causes == ()
 
 
-def test_an_effect_outside_the_library_is_not_explained(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_an_effect_outside_the_library_is_not_explained(nominal: Nominal) -> None:
     recording = stage_with(
         nominal, 13, x={"cogging": {"amplitude": 1.5, "pitch": 0.03, "phase": 0.5}}
     )
@@ -159,9 +152,7 @@ def test_an_effect_outside_the_library_is_not_explained(
 
 
 @pytest.mark.slow
-def test_what_the_filter_follows_is_found_in_the_closed_loop(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_what_the_filter_follows_is_found_in_the_closed_loop(nominal: Nominal) -> None:
     """Innovations hardly see another friction level: it is a state of the filter."""
     recording = stage_with(nominal, 14, x={"coulomb_level": {"ratio": 0.87}})
     found = diagnosed(recording, nominal[1], "coulomb_level", "dead_time", "force_constant")
@@ -173,9 +164,7 @@ def test_what_the_filter_follows_is_found_in_the_closed_loop(
 
 
 @pytest.mark.slow
-def test_a_spring_with_a_far_center_is_no_offset(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_a_spring_with_a_far_center_is_no_offset(nominal: Nominal) -> None:
     spring = {"stiffness": 12.0, "center": -0.09}
     recording = stage_with(nominal, 15, y={"cable_stiffness": spring})
     found = diagnosed(recording, nominal[1], "cable_stiffness", "force_offset")
@@ -185,9 +174,7 @@ def test_a_spring_with_a_far_center_is_no_offset(
         assert abs(parameter.value - true) < 3.0 * parameter.sigma
 
 
-def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(nominal: Nominal) -> None:
     harmonics = {"amplitude": 1.5, "pitch": 0.03, "phase": 0.7, "second": 0.4, "third": 0.2}
     recording = stage_with(nominal, 16, y={"cogging_harmonics": harmonics})
     found = diagnosed(recording, nominal[1], "cogging", "payload_mass")
@@ -198,9 +185,7 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
 
 
 @pytest.mark.slow
-def test_two_strands_are_a_cable_in_another_shape(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_two_strands_are_a_cable_in_another_shape(nominal: Nominal) -> None:
     """Fits of two strands to find them may end with one of them much too stiff."""
     strands = {"two_strand_cable": {"force": 0.77, "stiffness": 5700.0}}
     recording = stage_with(nominal, 10, y=strands)
@@ -211,9 +196,7 @@ def test_two_strands_are_a_cable_in_another_shape(
 
 
 @pytest.mark.slow
-def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(nominal: Nominal) -> None:
     """Effects of transmissions are, however little structure they leave."""
     recording = stage_with(nominal, 18, x={"viscous_asymmetry": {"ratio": 0.2}})
     found = diagnosed(
@@ -226,9 +209,7 @@ def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(
 
 
 @pytest.mark.slow
-def test_the_flank_of_a_bump_beyond_the_path_is_named(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_the_flank_of_a_bump_beyond_the_path_is_named(nominal: Nominal) -> None:
     """How high the bump is nobody knows; that it is there is certain."""
     end = float(nominal[0].axes["x"].position_demand[:3000].max())
     bump = {"amplitude": 0.5, "center": end + 0.03, "width": 0.02}
