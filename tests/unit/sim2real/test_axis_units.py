@@ -7,25 +7,21 @@ from dataclasses import replace
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.audit import audit_channels
 from sim2real.axis_units import angular_unit
 from sim2real.diagnosis import diagnose, examine
-from stagedata import Recording
-from tests.unit.sim2real.conftest import TOLERANCE, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
 
 
 @pytest.fixture(scope="module")
-def turning(nominal: tuple[Recording, StageSettings]) -> tuple[Recording, StageSettings]:
+def turning(nominal: Nominal) -> Nominal:
     """The same figures on an axis y that turns."""
     recording, settings = nominal
     axes = tuple(replace(axis, rotary=axis.name == "y") for axis in settings.axes)
     return recording, replace(settings, axes=axes)
 
 
-def test_gap_places_and_causes_have_the_units_of_their_axis(
-    turning: tuple[Recording, StageSettings],
-) -> None:
+def test_gap_places_and_causes_have_the_units_of_their_axis(turning: Nominal) -> None:
     settings = turning[1]
     there = {"payload_mass": {"mass": 0.8}}
     recording = stage_with(turning, 11, y=there, x={"force_offset": {"force": 3.0}})
@@ -45,9 +41,7 @@ def test_gap_places_and_causes_have_the_units_of_their_axis(
     }  # fmt: skip
 
 
-def test_channels_of_an_axis_that_turns_are_not_in_metres(
-    turning: tuple[Recording, StageSettings],
-) -> None:
+def test_channels_of_an_axis_that_turns_are_not_in_metres(turning: Nominal) -> None:
     recording, settings = turning
     degrees = replace(
         recording.axes["y"], position_actual=1e3 * recording.axes["y"].position_actual

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ from sim2real import phases
 from sim2real.phases import PHASES, group_repeated_moves, split_moves, split_phases
 from stagectl.store import read_recording
 from stagedata import AxisSignals, Recording
+from tests.unit.sim2real.conftest import DATA
 
-DATA = Path(__file__).parents[2] / "data"
 PERIOD = 1e-3
 
 

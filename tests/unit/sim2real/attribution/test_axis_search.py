@@ -7,16 +7,14 @@ from dataclasses import replace
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.attribution import AxisSearch
 from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import Term, fit
-from stagedata import Recording
-from tests.unit.sim2real.conftest import problem_of, stage_with
+from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
 
 
 @pytest.fixture(scope="module")
-def drift(nominal: tuple[Recording, StageSettings]) -> AxisSearch:
+def drift(nominal: Nominal) -> AxisSearch:
     """A warm-up, fitted; no other set of effects was kept."""
     values = {"amplitude": 0.3, "time_constant": 4.0}
     recording = stage_with(nominal, 51, seconds=3.0, y={"thermal_drift": values})

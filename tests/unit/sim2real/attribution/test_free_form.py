@@ -7,19 +7,17 @@ from collections.abc import Callable
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.attribution import FreeFormTest
 from sim2real.attribution.free_form import FreeForm
 from sim2real.diagnosis import examine
-from stagedata import Recording
-from tests.unit.sim2real.conftest import stage_with
+from tests.unit.sim2real.conftest import Nominal, stage_with
 
 Effects = dict[str, dict[str, float]]
 Likeliest = Callable[[Effects], FreeForm]
 
 
 @pytest.fixture
-def likeliest(nominal: tuple[Recording, StageSettings]) -> Likeliest:
+def likeliest(nominal: Nominal) -> Likeliest:
     def form(effects: Effects) -> FreeForm:
         recording = stage_with(nominal, 21, 10.0, x=effects)
         examined = examine([recording], nominal[1])

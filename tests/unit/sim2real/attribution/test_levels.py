@@ -5,11 +5,9 @@ from __future__ import annotations
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.attribution.levels import Levels, is_wander, settle_levels, weigh_levels
 from sim2real.fitting import Term, fit
-from stagedata import Recording
-from tests.unit.sim2real.conftest import problem_of, stage_with
+from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
 
 LEVELS = ("coulomb_level", "thermal_drift", "friction_position")
 
@@ -22,7 +20,7 @@ LEVELS = ("coulomb_level", "thermal_drift", "friction_position")
     ],
 )
 def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
-    nominal: tuple[Recording, StageSettings], true: str, values: dict[str, float]
+    nominal: Nominal, true: str, values: dict[str, float]
 ) -> None:
     """Whichever of them was fitted: another level is found beside it."""
     recording = stage_with(nominal, 51, seconds=6.0, y={true: values})
@@ -37,9 +35,7 @@ def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
     assert all(0.0 < odds <= 1.0 for odds in found.odds[true].values())
 
 
-def test_a_course_that_the_model_lacks_is_no_wander(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_a_course_that_the_model_lacks_is_no_wander(nominal: Nominal) -> None:
     """The filter follows it, so innovations are white either way."""
     drift = {"amplitude": 0.3, "time_constant": 4.0}
     recording = stage_with(nominal, 51, seconds=6.0, y={"thermal_drift": drift})
@@ -52,7 +48,7 @@ def test_a_course_that_the_model_lacks_is_no_wander(
 
 
 def settled(
-    nominal: tuple[Recording, StageSettings],
+    nominal: Nominal,
     seed: int,
     true: dict[str, dict[str, float]],
     *start: tuple[str, tuple[float, ...]],
@@ -67,9 +63,7 @@ def settled(
     return settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
 
 
-def test_a_slow_drift_may_as_well_be_another_level(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_a_slow_drift_may_as_well_be_another_level(nominal: Nominal) -> None:
     drift = {"amplitude": 0.2, "time_constant": 250.0}
     found = settled(nominal, 52, {"thermal_drift": drift}, ("coulomb_level", (1.2,)))
     (chosen,) = found.best.model.names()
@@ -78,9 +72,7 @@ def test_a_slow_drift_may_as_well_be_another_level(
     assert {a.model.names() for a in found.fitted} == {("coulomb_level",), ("thermal_drift",)}
 
 
-def test_one_drift_is_not_a_level_and_another_drift(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_one_drift_is_not_a_level_and_another_drift(nominal: Nominal) -> None:
     """They fit as well together; one effect that does is more probable."""
     drift = {"amplitude": 0.24, "time_constant": 57.0}
     start = ("coulomb_level", (1.18,)), ("thermal_drift", (0.04, 6.9))
@@ -88,7 +80,7 @@ def test_one_drift_is_not_a_level_and_another_drift(
     assert len(found.best.model.names()) == 1
 
 
-def test_a_level_and_a_fast_drift_stay_two(nominal: tuple[Recording, StageSettings]) -> None:
+def test_a_level_and_a_fast_drift_stay_two(nominal: Nominal) -> None:
     """The level at the end is not that of the machine file."""
     drift = {"amplitude": 0.3, "time_constant": 2.0}
     true = {"coulomb_level": {"ratio": 1.25}, "thermal_drift": drift}

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.attribution.search import without_effect
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from stagedata import Recording
+from tests.unit.sim2real.conftest import Nominal
 
 
-def test_a_spring_takes_over_a_constant_force(nominal: tuple[Recording, StageSettings]) -> None:
+def test_a_spring_takes_over_a_constant_force(nominal: Nominal) -> None:
     axis = nominal[1].axes[0]
     offset = Term(library()["force_offset"], (-1.0,))
     spring = Term(library()["cable_stiffness"], (8.0, 0.01))

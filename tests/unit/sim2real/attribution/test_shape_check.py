@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.attribution.shape_check import Repeat, are_harmonics, free_form_repeat, is_one_profile
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from stagedata import Recording
+from tests.unit.sim2real.conftest import Nominal
 
 BELL = library()["friction_position"]
 LEVEL = library()["coulomb_level"]
@@ -46,7 +45,7 @@ def test_waves_are_of_one_family_if_they_are_harmonics(
     [((100.0, 160.0), True), ((100.0, 90.0), False), ((60.0, 20.0), False)],
 )
 def test_a_level_against_a_bell_is_one_profile_where_either_alone_opens_the_loop(
-    nominal: tuple[Recording, StageSettings], left: tuple[float, float], one: bool
+    nominal: Nominal, left: tuple[float, float], one: bool
 ) -> None:
     axis = nominal[1].axes[0]
     both = model(Term(LEVEL, (0.8,)), Term(BELL, (0.4, 0.0, 0.03)))

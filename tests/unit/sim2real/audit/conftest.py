@@ -1,14 +1,9 @@
 """Recordings with one channel spoilt, and the single finding that an audit makes of one."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[3] / "data"
 SAMPLES = 1000
 
 
@@ -31,13 +26,8 @@ def first(recorded, samples=SAMPLES):
 
 
 @pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    return first(read_recording(DATA / "null-2.h5"))
+def recorded(recorded):
+    return first(recorded)
 
 
 def spoilt(recorded, **channels):

@@ -7,7 +7,8 @@ from scipy.interpolate import CubicSpline
 from sim2real.audit import audit_channels
 from sim2real.gap import combined_gap, measure_gap
 from stagectl.store import read_recording
-from tests.unit.sim2real.audit.conftest import DATA, first, single, spoilt
+from tests.unit.sim2real.audit.conftest import first, single, spoilt
+from tests.unit.sim2real.conftest import DATA
 
 
 def later(samples):

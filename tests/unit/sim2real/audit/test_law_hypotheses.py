@@ -10,7 +10,8 @@ from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from sim2real.audit import audit_channels
 from stagectl.store import read_recording
-from tests.unit.sim2real.audit.conftest import DATA, SAMPLES, single, spoilt
+from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
+from tests.unit.sim2real.conftest import DATA
 
 
 def test_setpoints_that_act_a_period_late(stage, recorded):

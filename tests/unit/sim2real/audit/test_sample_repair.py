@@ -9,7 +9,8 @@ import pytest
 
 from sim2real.audit import audit_channels, repair_samples
 from stagectl.store import read_recording
-from tests.unit.sim2real.audit.conftest import DATA, first
+from tests.unit.sim2real.audit.conftest import first
+from tests.unit.sim2real.conftest import DATA
 
 CHANNELS = ("position_demand", "force_offset", "position_actual", "force_actual", "valid")
 

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.settings import StageSettings
 from sim2real.blind.draw import Key, draw_key
-from stagectl.config import load_machine, stage_settings
 
 LIBRARY = own_effects()
 TOLERANCE = {"x": 0.003, "y": 0.003}
-
-
-@pytest.fixture(scope="module")
-def stage() -> StageSettings:
-    return stage_settings(load_machine())
 
 
 def drawn(stage: StageSettings, seed: int, kind: str | None = None) -> Key:

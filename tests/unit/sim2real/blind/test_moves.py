@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import resources
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 from hil_sim.settings import StageSettings
 from sim2real.blind import moves
 from sim2real.blind.moves import draw_demands
-from stagectl.config.machine.file import load_machine
-from stagectl.config.settings.package_settings import stage_settings
-
-
-@pytest.fixture(scope="module")
-def stage() -> StageSettings:
-    data = Path(str(resources.files("stagectl"))) / "data"
-    return stage_settings(load_machine(data / "machines" / "wafer-xy.yaml"))
 
 
 def test_demands_stay_within_what_the_page_says(stage: StageSettings) -> None:

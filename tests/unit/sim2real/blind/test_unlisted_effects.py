@@ -2,24 +2,12 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.plant.simulate import simulate_variants
 from sim2real.blind.unlisted_effects import UNLISTED, UNLISTED_VARIANTS
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[3] / "data"
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    x = read_recording(DATA / "null-2.h5").axes["x"]
-    return x.position_demand, x.force_offset
 
 
 def middle(axis, effect):
@@ -40,12 +28,13 @@ def test_they_are_outside_the_library_and_their_families_inside():
     assert all(not e.family and not e.searched for e in UNLISTED)
 
 
-def test_each_shows_in_a_recording(recorded):
-    settings = stage_settings(load_machine())
-    axis = settings.axes[0]
+def test_each_shows_in_a_recording(stage, recorded):
+    axis, x = stage.axes[0], recorded.axes["x"]
     every = (*UNLISTED, *UNLISTED_VARIANTS)
     changed = (replace(axis, effects=(e.at(**middle(axis, e)),)) for e in every)
-    response = simulate_variants(replace(settings, axes=(axis, *changed)), *recorded)
+    response = simulate_variants(
+        replace(stage, axes=(axis, *changed)), x.position_demand, x.force_offset
+    )
     assert np.isfinite(response.position).all()
     nominal = response.position[:, 0], response.force[:, 0]
     for i, effect in enumerate(every, 1):
@@ -61,14 +50,13 @@ def test_each_shows_in_a_recording(recorded):
         assert gap > 2.0 * math.sqrt(2.0), (effect.name, gap)
 
 
-def test_none_of_its_size_is_no_effect(recorded):
-    settings = stage_settings(load_machine())
-    axis = settings.axes[0]
-    demand, offset = (signal[:1500] for signal in recorded)
+def test_none_of_its_size_is_no_effect(stage, recorded):
+    axis, x = stage.axes[0], recorded.axes["x"]
+    demand, offset = x.position_demand[:1500], x.force_offset[:1500]
     for effect in (*UNLISTED, *UNLISTED_VARIANTS):
         (size,) = (p for p in effect.parameters if p.role == "size")
         values = middle(axis, effect) | {size.key: size.neutral_on(axis)}
         nothing = replace(axis, effects=(effect.at(**values),))
-        response = simulate_variants(replace(settings, axes=(axis, nothing)), demand, offset)
+        response = simulate_variants(replace(stage, axes=(axis, nothing)), demand, offset)
         off = np.abs(response.position[:, 0] - response.position[:, 1])
         assert off.max() <= 2.1e-9, effect.name

@@ -1,7 +1,6 @@
 """Diagnoses without a controller, on machines whose equations are not the simulator's."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +9,9 @@ from hil_sim.effects.library import library
 from hil_sim.settings import CascadeSettings
 from sim2real.diagnosis import diagnose, examine, examine_others, judge_elsewhere
 from sim2real.diagnosis.clock import find_common_clock
-from stagectl.config import load_machine, stage_settings
+from stagectl.config import stage_settings
 from stagectl.importing import import_recording, load_map
-from stagectl.store import read_recording
 from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL, sliding, strokes
-
-DATA = Path(__file__).parents[3] / "data"
 
 
 def examined(machine, folder):
@@ -157,9 +153,7 @@ def test_positions_alone_say_what_is_missing(tmp_path):
     assert (report.verdict, report.mode) == ("insufficient", "open_loop")
 
 
-def test_another_controller_is_no_gap_of_the_plant_but_not_no_gap():
-    stage = stage_settings(load_machine())
-    recorded = read_recording(DATA / "null-2.h5")
+def test_another_controller_is_no_gap_of_the_plant_but_not_no_gap(stage, recorded):
     loops = CascadeSettings(position_gain=20.0, velocity_gain=100.0)
     control = {a.name: replace(a.control, cascade=loops) for a in stage.axes}
     other = replace(stage, axes=tuple(replace(a, control=control[a.name]) for a in stage.axes))

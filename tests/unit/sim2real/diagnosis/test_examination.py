@@ -1,7 +1,6 @@
 """What is known before any effect is suspected, and when there can be no diagnosis."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,20 +8,13 @@ import pytest
 from hil_sim.plant import simulate
 from sim2real.diagnosis import examine
 from sim2real.diagnosis.examination import report_without_causes, why_insufficient
-from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[3] / "data"
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
+from tests.unit.sim2real.conftest import DATA
 
 
 @pytest.fixture(scope="module")
-def recorded():
-    return cut(read_recording(DATA / "null-2.h5"), slice(0, 2500))
+def recorded(recorded):
+    return cut(recorded, slice(0, 2500))
 
 
 def cut(recorded, places):

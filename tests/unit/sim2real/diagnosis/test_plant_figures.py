@@ -9,20 +9,19 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
-from hil_sim.settings import AxisSettings, StageSettings
+from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
 from sim2real.diagnosis import diagnose, examine
 from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Fitted, Term
 from sim2real.gap import prepare_replay
-from stagedata import Recording
-from tests.unit.sim2real.conftest import TOLERANCE
+from tests.unit.sim2real.conftest import TOLERANCE, Nominal
 
 MASS, COULOMB, VISCOUS = (BASE.index(key) for key in ("mass", "coulomb", "viscous"))
 
 
 @pytest.fixture
-def axis(nominal: tuple[Recording, StageSettings]) -> AxisSettings:
+def axis(nominal: Nominal) -> AxisSettings:
     return replace(nominal[1].axes[0], wander=0.0)
 
 
@@ -88,9 +87,7 @@ def test_what_the_file_leaves_unknown_has_no_value_to_stay_at(axis):
     assert not changes
 
 
-def test_an_axis_that_hardly_moves_keeps_its_figures(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_an_axis_that_hardly_moves_keeps_its_figures(nominal: Nominal) -> None:
     recording, settings = nominal
     count = round(2.0 / settings.sync_period)
     replay = prepare_replay(recording, settings)

@@ -8,17 +8,16 @@ import numpy as np
 import yaml
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.experiment import propose_experiment
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import compare_with_model
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
-from stagedata import Recording
+from tests.unit.sim2real.conftest import Nominal
 
 
 def test_moves_that_would_tell_two_models_apart_are_a_recipe(
-    nominal: tuple[Recording, StageSettings], tmp_path: Path
+    nominal: Nominal, tmp_path: Path
 ) -> None:
     recording, settings = nominal
     known = library()

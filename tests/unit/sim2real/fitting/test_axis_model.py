@@ -6,12 +6,6 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import SUBSTEPS
 from sim2real.fitting import NUISANCES, STEP, AxisModel, Term, compose_stage, with_base
-from stagectl.config import load_machine, stage_settings
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
 
 
 def test_base_parameters_are_relative_deviations(stage):

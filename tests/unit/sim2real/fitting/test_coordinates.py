@@ -5,14 +5,13 @@ from __future__ import annotations
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.fitting import Term, coordinates
 from sim2real.fitting.coordinates import from_coordinates, to_coordinates
-from stagedata import Recording
+from tests.unit.sim2real.conftest import Nominal
 
 
 @pytest.mark.parametrize("name", sorted({*library()} - {"residual_table"}))
-def test_coordinates_go_there_and_back(nominal: tuple[Recording, StageSettings], name: str) -> None:
+def test_coordinates_go_there_and_back(nominal: Nominal, name: str) -> None:
     axis = nominal[1].axes[0]
     effect = library()[name]
     values = []

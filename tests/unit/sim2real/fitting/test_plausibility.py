@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.fitting import (
     Term,
     clip_to_plausible,
@@ -13,7 +12,7 @@ from sim2real.fitting import (
     is_coulomb_level,
     is_within_tolerance,
 )
-from stagedata import Recording
+from tests.unit.sim2real.conftest import Nominal
 
 
 @pytest.mark.parametrize(
@@ -28,10 +27,7 @@ from stagedata import Recording
     ],
 )
 def test_a_figure_off_by_tolerance_is_no_effect(
-    nominal: tuple[Recording, StageSettings],
-    effect: str,
-    values: tuple[float, ...],
-    within: bool,
+    nominal: Nominal, effect: str, values: tuple[float, ...], within: bool
 ) -> None:
     axis = nominal[1].axes[0]
     assert is_within_tolerance(Term(library()[effect], values), axis, 0.003) is within
@@ -50,11 +46,7 @@ def test_a_figure_off_by_tolerance_is_no_effect(
     ],
 )
 def test_values_beyond_what_is_plausible_are_counted(
-    nominal: tuple[Recording, StageSettings],
-    effect: str,
-    values: tuple[float, ...],
-    tenths: float,
-    near: tuple[float, ...],
+    nominal: Nominal, effect: str, values: tuple[float, ...], tenths: float, near: tuple[float, ...]
 ) -> None:
     axis = nominal[1].axes[0]
     term = Term(library()[effect], values)
@@ -63,7 +55,7 @@ def test_values_beyond_what_is_plausible_are_counted(
 
 
 def test_effects_on_the_coulomb_level_are_distinguished_from_other_friction(
-    nominal: tuple[Recording, StageSettings],
+    nominal: Nominal,
 ) -> None:
     axis = nominal[1].axes[0]
     middle = {

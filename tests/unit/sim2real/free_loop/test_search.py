@@ -12,9 +12,9 @@ from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.free_loop.search import is_certain
 from sim2real.gap import compare_with_model
 from stagedata import Recording
-from tests.unit.sim2real.conftest import TOLERANCE, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
 
-Stage = tuple[Recording, StageSettings]
+Stage = Nominal
 
 
 def loop_of(recording: Recording, settings: StageSettings, axis: str = "x") -> FreeLoop:

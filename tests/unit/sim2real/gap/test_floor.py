@@ -3,18 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from hil_sim.plant import simulate
 from sim2real.findings import GapFigures
 from sim2real.gap import compare_with_model
-from stagectl.config import load_machine, stage_settings
 from stagedata import AxisSignals, Recording
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
 
 
 def laps(stage, seed, laps=6):

@@ -1,24 +1,18 @@
 """Where a gap lies: what is put somewhere is found there."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sim2real.gap import compare_with_model, locate_gap
 from sim2real.phases import ONSET, split_phases
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[3] / "data"
 
 
 @pytest.fixture(scope="module")
-def sound():
+def sound(stage, recorded):
     """A recording without a gap: its residual is one draw of the floor."""
-    stage = stage_settings(load_machine())
-    measured = compare_with_model(read_recording(DATA / "null-2.h5"), stage, draws=2)
+    measured = compare_with_model(recorded, stage, draws=2)
     return replace(measured, residual=measured.floor.draws[0])
 
 

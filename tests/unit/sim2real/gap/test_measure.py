@@ -1,7 +1,6 @@
 """The gap of a model against recordings, and its floor."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,21 +15,9 @@ from sim2real.gap import (
     measure_gap,
     pool_gaps,
 )
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording, write_recording
+from stagectl.store import write_recording
 from stagectl.store.recording_blocks import RecordingBlocks
-
-DATA = Path(__file__).parents[3] / "data"
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    return read_recording(DATA / "null-2.h5")
+from tests.unit.sim2real.conftest import DATA
 
 
 def test_null_recordings_are_within_the_bounds(stage, recorded):

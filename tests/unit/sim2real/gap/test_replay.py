@@ -1,7 +1,6 @@
 """Recorded demands run through a model."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,21 +8,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from sim2real.gap import measure_gap, prepare_replay
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
 from stagedata import AxisSignals, Recording
-
-DATA = Path(__file__).parents[3] / "data"
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return stage_settings(load_machine())
-
-
-@pytest.fixture(scope="module")
-def recorded():
-    return read_recording(DATA / "null-2.h5")
 
 
 def test_a_recording_that_starts_with_force_starts_the_model_so(stage):

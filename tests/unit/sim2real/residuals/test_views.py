@@ -2,28 +2,21 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from sim2real.gap import compare_with_model
 from sim2real.residuals import residuals_json, view_residuals
 from sim2real.residuals.course import gather_course
-from stagectl.config import load_machine, stage_settings
-from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[3] / "data"
 
 
 @pytest.fixture(scope="module")
-def measured():
-    return compare_with_model(
-        read_recording(DATA / "null-2.h5"), stage_settings(load_machine()), draws=1
-    )
+def measured(stage, recorded):
+    return compare_with_model(recorded, stage, draws=1)
 
 
-def test_a_recording_is_viewed_from_all_sides(measured):
-    views = view_residuals([measured], [measured.floor.nominal], stage_settings(load_machine()))
+def test_a_recording_is_viewed_from_all_sides(measured, stage):
+    views = view_residuals([measured], [measured.floor.nominal], stage)
     for view in views.values():
         assert view.has_demand
         assert {m.direction for m in view.velocity} == {-1, 1}
@@ -47,16 +40,14 @@ def test_two_recordings_follow_one_another(measured):
     assert set(two.simulated) == {"before"}
 
 
-def test_where_only_forces_are_compared_there_is_no_response(measured):
+def test_where_only_forces_are_compared_there_is_no_response(measured, stage):
     forces = {axis: {"force": of["force"]} for axis, of in measured.gap.items()}
-    view = view_residuals([replace(measured, gap=forces)], None, stage_settings(load_machine()))[
-        "x"
-    ]
+    view = view_residuals([replace(measured, gap=forces)], None, stage)["x"]
     assert not view.has_demand
     assert view.response is None
     assert view.velocity
     assert view.plane is not None
 
 
-def test_nothing_measured_is_nothing_seen():
-    assert view_residuals([], None, stage_settings(load_machine())) == {}
+def test_nothing_measured_is_nothing_seen(stage):
+    assert view_residuals([], None, stage) == {}

@@ -7,16 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from hil_sim.effects.library import library
-from hil_sim.settings import SUBSTEPS, StageSettings
+from hil_sim.settings import SUBSTEPS
 from sim2real.fitting import NUISANCES, STEP, AxisModel, Term
 from sim2real.tracking import innovation_response
 from stagedata import Recording
-from tests.unit.sim2real.conftest import problem_of, stage_with
+from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
 
 
-def test_response_to_a_force_is_what_a_simulation_shows(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_response_to_a_force_is_what_a_simulation_shows(nominal: Nominal) -> None:
     recording = stage_with(nominal, 3)
     settings = nominal[1]
     problem = problem_of(recording, settings, "x")
@@ -28,9 +26,7 @@ def test_response_to_a_force_is_what_a_simulation_shows(
     assert np.corrcoef(simulated, predicted)[0, 1] > 0.9
 
 
-def test_models_side_by_side_are_tracked_as_each_by_itself(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_models_side_by_side_are_tracked_as_each_by_itself(nominal: Nominal) -> None:
     problem = problem_of(*nominal)
     base = problem.start.base.copy()
     base[0], base[STEP] = 0.01, 0.4
@@ -50,9 +46,7 @@ def test_models_side_by_side_are_tracked_as_each_by_itself(
         np.testing.assert_array_equal(found, finer.residual(model))
 
 
-def test_long_control_periods_are_simulated_in_the_references_steps(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_long_control_periods_are_simulated_in_the_references_steps(nominal: Nominal) -> None:
     settings = nominal[1]
     slow = replace(
         settings,
@@ -62,9 +56,7 @@ def test_long_control_periods_are_simulated_in_the_references_steps(
     assert slow.quick_substeps == SUBSTEPS
 
 
-def test_a_recording_may_begin_where_the_axis_still_creeps(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
+def test_a_recording_may_begin_where_the_axis_still_creeps(nominal: Nominal) -> None:
     """What integrator and friction hold there, no sample says."""
     recording = stage_with(nominal, 5, x={"force_offset": {"force": 1.5}})
     model = problem_of(recording, nominal[1]).start.added(Term(library()["force_offset"], (1.5,)))
