@@ -38,8 +38,8 @@ def shown(value: object) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
-    """What the host knew of an axis when its fault was noticed.
+class FaultReport:
+    """All that is known about a fault: first what the host knew, then what the drive says.
 
     Attributes:
         statusword: the last one, None before the first.
@@ -48,6 +48,8 @@ class Evidence:
         mode: mode of operation, None before the first.
         target: last setpoint as text, with its unit.  offset: last force offset [N].
         boots: number of boot-up messages of its drive.
+        error_code: 0x603F, error_register: 0x1001; None where the drive lacks them.
+        history: latest codes of 0x1003, newest first.
     """
 
     statusword: int | None
@@ -57,27 +59,14 @@ class Evidence:
     target: str
     offset: float
     boots: int
-
-
-@dataclass(frozen=True, slots=True)
-class FaultReport:
-    """All that is known about a fault.
-
-    Attributes:
-        evidence: from the moment it was noticed.
-        error_code: 0x603F, error_register: 0x1001; None where the drive lacks them.
-        history: latest codes of 0x1003, newest first.
-    """
-
-    evidence: Evidence
-    error_code: int | None
-    error_register: int | None
-    history: tuple[int, ...]
+    error_code: int | None = None
+    error_register: int | None = None
+    history: tuple[int, ...] = ()
 
     @property
     def code(self) -> int | None:
         """The code of the cause: first emergency, else 0x603F, else the newest of the history."""
-        first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
+        first = next((e for e in self.emergencies if e & 0xFF00), None)
         return first or self.error_code or next(iter(self.history), None)
 
 
@@ -88,14 +77,23 @@ class DriverError(Exception):
         cause: what happened, one clause.
         axis: name of the axis, None for the bus.
         object: the CANopen object concerned, if any.
+        abort_code: SDO abort code of a `NodeError`, None where there was no abort.
+        code: error code (EMCY or 0x603F) of an `AxisFault`, None where the drive reports none.
+        report: all that is known about an `AxisFault`, None until the axes have been stopped.
     """
 
     def __init__(
-        self, cause: str, *, axis: str | None = None, obj: ObjectRef | None = None
+        self,
+        cause: str,
+        *,
+        axis: str | None = None,
+        obj: ObjectRef | None = None,
+        abort_code: int | None = None,
+        code: int | None = None,
+        report: FaultReport | None = None,
     ) -> None:
-        self.cause = cause
-        self.axis = axis
-        self.object = obj
+        self.cause, self.axis, self.object = cause, axis, obj
+        self.abort_code, self.code, self.report = abort_code, code, report
         where = [] if axis is None else [f"axis {axis}"]
         if obj is not None:
             where.append(str(obj))
@@ -111,22 +109,7 @@ class BusOpenError(BusError):
 
 
 class NodeError(DriverError):
-    """A node does not answer, refuses an access, or is not the device its EDS describes.
-
-    Attributes:
-        abort_code: SDO abort code, None where there was no abort.
-    """
-
-    def __init__(
-        self,
-        cause: str,
-        *,
-        axis: str | None = None,
-        obj: ObjectRef | None = None,
-        abort_code: int | None = None,
-    ) -> None:
-        super().__init__(cause, axis=axis, obj=obj)
-        self.abort_code = abort_code
+    """A node does not answer, refuses an access, or is not the device its EDS describes."""
 
 
 class ConfigurationError(DriverError):
@@ -138,25 +121,7 @@ class LimitError(DriverError):
 
 
 class AxisFault(DriverError):  # noqa: N818
-    """An axis faulted, left OPERATION ENABLED, or sends no process data or heartbeat.
-
-    Attributes:
-        code: error code (EMCY or 0x603F), None where the drive reports none.
-        report: all that is known about it, None until the axes have been stopped.
-    """
-
-    def __init__(
-        self,
-        cause: str,
-        *,
-        axis: str | None = None,
-        obj: ObjectRef | None = None,
-        code: int | None = None,
-        report: FaultReport | None = None,
-    ) -> None:
-        super().__init__(cause, axis=axis, obj=obj)
-        self.code = code
-        self.report = report
+    """An axis faulted, left OPERATION ENABLED, or sends no process data or heartbeat."""
 
 
 class HomingError(AxisFault):

@@ -16,9 +16,11 @@ HOST_NODE = 127
 """Node id under which the host sends its heartbeat."""
 
 
-def _require(condition: bool, axis: str | None, name: str, reason: str) -> None:
-    if not condition:
-        raise ConfigurationError(f"{name}: {reason}", axis=axis)
+def _require(axis: str | None, *rules: tuple[bool, str, str]) -> None:
+    """Refuse settings by the first rule, with name and reason, that does not hold."""
+    for holds, name, reason in rules:
+        if not holds:
+            raise ConfigurationError(f"{name}: {reason}", axis=axis)
 
 
 def _check(settings: object, axis: str | None = None, prefix: str = "") -> None:
@@ -89,22 +91,17 @@ class BusSettings:
     realtime: RealTimeSettings = RealTimeSettings()
 
     def __post_init__(self) -> None:
-        _require(bool(self.interface), None, "bus interface", "is empty")
+        _require(None, (bool(self.interface), "bus interface", "is empty"))
         _check(self)
-        counter = self.sync_counter
+        counter, period, window = self.sync_counter, self.sync_period, self.sync_window
+        whole = self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us
+        fits = window == 0 or 10e-6 <= window <= period
         _require(
-            counter == 0 or 2 <= counter <= 240,
-            None, "sync_counter", f"must be 0 or 2..240, is {shown(counter)}",
-        )  # fmt: skip
-        period = self.sync_period
-        _require(
-            self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us,
-            None, "sync_period", f"must be a whole number of microseconds, is {shown(period)} s",
-        )  # fmt: skip
-        window = self.sync_window
-        _require(
-            window == 0 or 10e-6 <= window <= period,
-            None, "sync_window", f"must be 0 or 10 us to sync_period, is {shown(window)}",
+            None,
+            (counter == 0 or 2 <= counter <= 240, "sync_counter",
+             f"must be 0 or 2..240, is {shown(counter)}"),
+            (whole, "sync_period", f"must be a whole number of microseconds, is {shown(period)} s"),
+            (fits, "sync_window", f"must be 0 or 10 us to sync_period, is {shown(window)}"),
         )  # fmt: skip
 
     @property
@@ -202,22 +199,19 @@ class AxisSettings:
 
     def __post_init__(self) -> None:
         axis = self.name
-        _require(bool(axis), None, "axis", "has no name")
+        _require(None, (bool(axis), "axis", "has no name"))
         _check(self, axis)
         low, high = self.travel
-        _require(-math.inf < low < high < math.inf, axis, "travel", "must be low < high")
+        speeds = self.homing_velocity
         _require(
-            max(abs(low), abs(high)) / self.increment < 2**31,
-            axis, "travel", f"does not fit INTEGER32 in units of {self.increment:g} m",
-        )  # fmt: skip
-        _require(
-            self.peak_force / self.rated_force <= 32.767,
-            axis, "peak_force", "exceeds 32.767 times rated_force, the range of INTEGER16",
-        )  # fmt: skip
-        _require(
-            len(self.homing_velocity) == 2
-            and all(0 < v < math.inf for v in self.homing_velocity),
-            axis, "homing_velocity", f"must be two speeds > 0, is {shown(self.homing_velocity)}",
+            axis,
+            (-math.inf < low < high < math.inf, "travel", "must be low < high"),
+            (max(abs(low), abs(high)) / self.increment < 2**31, "travel",
+             f"does not fit INTEGER32 in units of {self.increment:g} m"),
+            (self.peak_force / self.rated_force <= 32.767, "peak_force",
+             "exceeds 32.767 times rated_force, the range of INTEGER16"),
+            (len(speeds) == 2 and all(0 < v < math.inf for v in speeds), "homing_velocity",
+             f"must be two speeds > 0, is {shown(speeds)}"),
         )  # fmt: skip
 
     @property

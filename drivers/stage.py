@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from types import TracebackType
+from contextlib import ExitStack, contextmanager
 from typing import Concatenate, ParamSpec, TypeVar
 
 import can
@@ -20,22 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.boot import Boot
-from drivers.canopen import Clock, MonotonicClock, Network, Tap, open_bus
+from drivers.canopen import MonotonicClock, Network, Tap, open_bus
 from drivers.cyclic import Cycle, OffsetCorrection, RealTime, Sink, Until
 from drivers.drive import Axis
 from drivers.errors import BusError, ConfigurationError, DriverError
-from drivers.motion import (
-    HOLDING_TIMEOUT,
-    CyclicForce,
-    CyclicPosition,
-    CyclicVelocity,
-    Homing,
-    Power,
-    ProfileMoves,
-    ProfilePosition,
-    SafeStop,
-    halt,
-)
+from drivers.motion import CyclicModes, Homing, Power, ProfileMoves, ProfilePosition, SafeStop
 from drivers.settings import AxisSettings, BusSettings
 from stagedata import Samples
 
@@ -61,6 +49,7 @@ class Stage:
 
     Attributes:
         axes: one `Axis` per settings, in the order of all array columns.
+        clock: of the bus: virtual on the lock-step bus, else monotonic.
         sink: called with the `Sample` of every SYNC of a csp stream, before it is evaluated.
     """
 
@@ -74,10 +63,11 @@ class Stage:
         """Takes an open bus, which the caller closes; applications use `open`."""
         self.sink: Sink | None = None
         self.settings = bus
-        self._owned: can.BusABC | None = None
+        self._owned = ExitStack()
         self._open = True
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
+        self.clock = self._network.clock
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
         self._cycle = cycle = Cycle(self._network, self.axes, bus)
         self._start = Boot(self._network, cycle, self.axes, bus)
@@ -85,10 +75,8 @@ class Stage:
         self._real_time = real_time = RealTime(bus.realtime)
         self._stopping = stopping = SafeStop(cycle, power)
         self._homing = Homing(cycle, power, stopping)
-        self._csp = CyclicPosition(cycle, power, stopping, real_time)
-        self._csv = CyclicVelocity(cycle, power, stopping, real_time)
-        self._cst = CyclicForce(cycle, power, stopping, real_time)
-        self._pp = ProfilePosition(cycle, power, stopping, self._csp.enter)
+        self._cyclic = CyclicModes(cycle, power, stopping, real_time)
+        self._pp = ProfilePosition(cycle, power, stopping, self._cyclic.enter_csp)
 
     @property
     def ending(self) -> bool:
@@ -116,26 +104,17 @@ class Stage:
             BusOpenError: the bus cannot be opened.
             ConfigurationError: an EDS is unusable, or settings contradict each other.
         """
-        used = open_bus(bus) if bus_object is None else bus_object
-        try:
-            stage = cls(bus, axes, used, tap)
-        except BaseException:
+        with ExitStack() as owned:
             if bus_object is None:
-                used.shutdown()
-            raise
-        if bus_object is None:
-            stage._owned = used
+                bus_object = owned.enter_context(open_bus(bus))
+            stage = cls(bus, axes, bus_object, tap)
+            stage._owned = owned.pop_all()
         return stage
 
     def __enter__(self) -> Stage:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None and self._open:
             self.safe_stop()
         self.close()
@@ -153,29 +132,24 @@ class Stage:
         return all(axis.homed for axis in self.axes)
 
     @property
-    def clock(self) -> Clock:
-        """The clock of the bus: virtual on the lock-step bus, else monotonic."""
-        return self._network.clock
-
-    @property
     def positions(self) -> tuple[float, ...]:
         """Actual positions of the last sample [m]."""
-        return tuple(c.position * c.axis.scale.increment for c in self._cycle.channels)
+        return tuple(c.position * c.axis.increment for c in self._cycle.channels)
 
     @property
     def forces(self) -> tuple[float, ...]:
         """Actual forces of the last sample [N]."""
-        return tuple(c.force * c.axis.scale.force for c in self._cycle.channels)
+        return tuple(c.force * c.axis.force_unit for c in self._cycle.channels)
 
     @property
     def targets(self) -> tuple[float, ...]:
         """Target positions sent last [m]; the next stream has to start there."""
-        return tuple(c.target * c.axis.scale.increment for c in self._cycle.channels)
+        return tuple(c.target * c.axis.increment for c in self._cycle.channels)
 
     @property
     def offsets(self) -> tuple[float, ...]:
         """Force offsets sent last [N]."""
-        return tuple(c.offset * c.axis.scale.force for c in self._cycle.channels)
+        return tuple(c.offset * c.axis.force_unit for c in self._cycle.channels)
 
     @property
     def limitations(self) -> tuple[str, ...]:
@@ -221,7 +195,7 @@ class Stage:
             BusError: the bus fails, or another host is on it.
         """
         self._stopping.begun = False
-        self._network.other_host.forget()
+        self._network.other_host.found = None
         self._network.beats = True
         self._start.listen()
         self._power.mode = None
@@ -266,7 +240,7 @@ class Stage:
         Raises:
             AxisFault: an axis is in fault, or does not become enabled in time.
         """
-        self._csp.enter()
+        self._cyclic.enter_csp()
 
     @_exclusive
     def disable(self) -> None:
@@ -295,8 +269,7 @@ class Stage:
             AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
         """
         self._power.require_enabled()
-        with self._stopping.on_failure():
-            halt(self._cycle, 10 * self._stopping.braking_time + HOLDING_TIMEOUT)
+        self._stopping.halt()
 
     @_exclusive
     def reset_faults(self) -> None:
@@ -306,7 +279,7 @@ class Stage:
             AxisFault: a fault persists.
             NodeError: a node does not become OPERATIONAL.
         """
-        self._network.other_host.forget()
+        self._network.other_host.found = None
         self._network.beats = True
         for axis in self.axes:
             axis.node.start()  # a drive that missed the host's heartbeat has left OPERATIONAL
@@ -347,8 +320,7 @@ class Stage:
         self._cycle.sync.stop()
         self._real_time.end()
         self._network.disconnect()
-        if self._owned is not None:
-            self._owned.shutdown()
+        self._owned.close()
 
     # -- motion -----------------------------------------------------------------------------
 
@@ -374,7 +346,7 @@ class Stage:
             AxisFault: an axis faulted or fell silent; all axes are stopped.
             BusError: the bus failed; the drives stop when they miss the host's heartbeat.
         """
-        return self._csp.stream(position, offset, until, self.sink)
+        return self._cyclic.stream_position(position, offset, until, self.sink)
 
     @_exclusive
     def stream_velocity(
@@ -397,7 +369,7 @@ class Stage:
             ConfigurationError: a drive does not offer csv.
             AxisFault, BusError: as `stream`.
         """
-        return self._csv.stream(velocity, offset, until)
+        return self._cyclic.stream_velocity(velocity, offset, until)
 
     @_exclusive
     def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
@@ -416,7 +388,7 @@ class Stage:
                 within its travel.
             BusError: as `stream`.
         """
-        return self._cst.stream(force, until)
+        return self._cyclic.stream_force(force, until)
 
     def hold(self, duration: float) -> Samples:
         """Streams the present targets and offsets for `duration` [s]; raises as `stream`."""
@@ -474,14 +446,11 @@ class Stage:
 def _check_unique(axes: Sequence[AxisSettings]) -> None:
     if not axes:
         raise ConfigurationError("a stage needs at least one axis")
-    nodes: dict[int, str] = {}
-    names: set[str] = set()
-    for axis in axes:
-        if axis.node in nodes:
-            raise ConfigurationError(
-                f"node {axis.node} already is axis {nodes[axis.node]}", axis=axis.name
-            )
-        if axis.name in names:
-            raise ConfigurationError("two axes have this name", axis=axis.name)
-        nodes[axis.node] = axis.name
-        names.add(axis.name)
+    for number, axis in enumerate(axes):
+        for other in axes[:number]:
+            if axis.node == other.node:
+                raise ConfigurationError(
+                    f"node {axis.node} already is axis {other.name}", axis=axis.name
+                )
+            if axis.name == other.name:
+                raise ConfigurationError("two axes have this name", axis=axis.name)

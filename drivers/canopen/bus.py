@@ -143,19 +143,23 @@ class Network(canopen.Network):
         """
         payload = bytes(data)
         self.own_ids.add(can_id)
-        if self.bus is None:
-            raise BusError(f"bus {self.label}: is closed")
-        if self.tap is not None:
-            self.tap(self.clock.now_ns(), can_id, payload)
         message = (can.Message if remote else OwnFrame)(
             arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
         )
-        if self.other_host.echoes:
-            self.other_host.note_sent(can_id, payload, self.clock.now_ns())
         try:
-            self.bus.send(message)
+            self.put(message, payload, self.clock.now_ns())
         except (can.CanError, OSError, ValueError) as why:
             raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
+
+    def put(self, message: can.Message, data: bytes, now: int) -> None:
+        """Sends a frame with this data at `now` [ns]; errors of the bus are python-can's own."""
+        if self.bus is None:
+            raise BusError(f"bus {self.label}: is closed")
+        if self.tap is not None:
+            self.tap(now, message.arbitration_id, data)
+        if self.other_host.echoes:
+            self.other_host.note_sent(message.arbitration_id, data, now)
+        self.bus.send(message)
 
     def failure(self, what: str, why: BaseException) -> BusError:
         """A `BusError` that names this bus; the tap gets the failure, too."""
@@ -219,7 +223,7 @@ class Network(canopen.Network):
             else:
                 while (old := self.receive(0.0)) is not None:
                     self.received(old)
-                self.other_host.forget()
+                self.other_host.found = None
             deadline = begin + round(duration * 1e9)
             while True:
                 left = deadline - self.clock.now_ns()
@@ -248,26 +252,23 @@ class Network(canopen.Network):
             BusError: the bus cannot be read.
         """
         with self.lock:
-            return self._pump_until(condition, timeout)
-
-    def _pump_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        deadline = self.clock.now_ns() + round(timeout * 1e9)
-        while not condition():
-            now = self.clock.now_ns()
-            if now >= self.service_due:
-                # first the queue: a heartbeat that waits there is not lost
-                while (waiting := self.receive(0.0)) is not None:
-                    self.received(waiting)
-                    if condition():
-                        return True
-                self.service(now)
-            wait = max(0, min(deadline, self.service_due) - now) if now < deadline else 0
-            message = self.receive(wait * 1e-9)
-            if message is not None:
-                self.received(message)
-            elif now >= deadline:
-                return condition()
-        return True
+            deadline = self.clock.now_ns() + round(timeout * 1e9)
+            while not condition():
+                now = self.clock.now_ns()
+                if now >= self.service_due:
+                    # first the queue: a heartbeat that waits there is not lost
+                    while (waiting := self.receive(0.0)) is not None:
+                        self.received(waiting)
+                        if condition():
+                            return True
+                    self.service(now)
+                wait = max(0, min(deadline, self.service_due) - now) if now < deadline else 0
+                message = self.receive(wait * 1e-9)
+                if message is not None:
+                    self.received(message)
+                elif now >= deadline:
+                    return condition()
+            return True
 
     def receive(self, timeout: float) -> can.Message | None:
         """The next frame of the bus as it is, not passed on; None after `timeout` [s].

@@ -10,14 +10,14 @@ import struct
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.nmt import NMT_STATES
 from drivers.canopen.remote_objects import RemoteObjects
-from drivers.errors import NodeError
+from drivers.errors import AxisFault, NodeError
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 SECOND_ANSWER = 0.005
@@ -29,23 +29,11 @@ HEARTBEAT_DEADLINE_NS = 350_000_000
 _OPERATIONAL, _PRE_OPERATIONAL = 5, 127
 
 
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """An event of a node that must stop the axes.
-
-    Attributes:
-        cause: one clause.  code: EMCY error code, None for other events.
-    """
-
-    cause: str
-    code: int | None = None
-
-
 class Node(RemoteObjects):
     """A remote node.
 
     Attributes:
-        alarm: the first alarm since `clear_alarms`, None without one.
+        alarm: the first fault since `clear_alarms` that must stop the axes, None without one.
         watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
         booted: number of boot-up messages received.
         emergencies: EMCY error codes since `clear_alarms`, oldest first.
@@ -54,7 +42,7 @@ class Node(RemoteObjects):
     def __init__(self, network: Network, settings: AxisSettings) -> None:
         super().__init__(network, settings)
         self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
-        self.alarm: Alarm | None = None
+        self.alarm: AxisFault | None = None
         self.watched = False
         self.booted = self._booted_before = 0
         self.emergencies: deque[int] = deque(maxlen=8)
@@ -78,9 +66,9 @@ class Node(RemoteObjects):
         if state == 0:
             self.booted += 1
             if self.watched:
-                self._raise(Alarm(REBOOTED))
+                self._alarm(REBOOTED)
         elif self.watched and state != _OPERATIONAL:
-            self._raise(Alarm(f"NMT state is {_in_words(state)}, not OPERATIONAL"))
+            self._alarm(f"NMT state is {_in_words(state)}, not OPERATIONAL")
 
     def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 3:
@@ -90,17 +78,17 @@ class Node(RemoteObjects):
         if code & 0xFF00:
             self.emergencies.append(code)
             text = f"emergency: {error_text(code)}, error register: {register_text(register)}"
-            self._raise(Alarm(text, code))
+            self._alarm(text, code)
 
     def _watch(self, now: int) -> None:
         if self.watched and now - self._heard_ns > HEARTBEAT_DEADLINE_NS:
             silent = (now - self._heard_ns) / 1e9
-            self._raise(Alarm(f"heartbeat lost: node {self.id} silent for {silent:.2f} s"))
+            self._alarm(f"heartbeat lost: node {self.id} silent for {silent:.2f} s")
 
-    def _raise(self, alarm: Alarm) -> None:
+    def _alarm(self, cause: str, code: int | None = None) -> None:
         # the first alarm is the cause, later ones are its consequences
         if self.alarm is None:
-            self.alarm = alarm
+            self.alarm = AxisFault(cause, axis=self.name, code=code)
             if self.on_alarm is not None:
                 self.on_alarm(self)
 
@@ -176,27 +164,22 @@ class Node(RemoteObjects):
         return count
 
     def _check_identity(self) -> None:
-        info = self._dictionary.device_information
+        info = self.dictionary.device_information
         for ref, from_info in (
             (od.VENDOR_ID, info.vendor_number),
             (od.PRODUCT_CODE, info.product_number),
         ):
-            variable = self._dictionary.get_variable(ref.index, ref.sub)
-            expected = variable.default if variable is not None else None
-            expected = from_info if expected is None else expected
-            if expected is None:
-                continue
-            found = self.read(ref)
-            if found != expected:
+            default = self._default(ref)
+            expected = from_info if default is None else default
+            if expected is not None and (found := self.read(ref)) != expected:
                 raise NodeError(
                     f"is 0x{found:08X}, the EDS describes 0x{expected:08X}: another device",
                     axis=self.name, obj=ref,
                 )  # fmt: skip
-        revision = self._dictionary.get_variable(0x1018, od.REVISION.sub)
         # the major number denotes the CANopen behaviour, the minor number the firmware
         wanted, source = self._revision, "the settings require"
-        if wanted is None and revision is not None and revision.default is not None:
-            wanted, source = revision.default >> 16, "the EDS describes"
+        if wanted is None and (revision := self._default(od.REVISION)) is not None:
+            wanted, source = revision >> 16, "the EDS describes"
         if wanted is not None and (found := self.read(od.REVISION) >> 16) != wanted:
             raise NodeError(
                 f"major revision is {found}, {source} {wanted}", axis=self.name, obj=od.REVISION
@@ -206,6 +189,11 @@ class Node(RemoteObjects):
             raise NodeError(
                 f"is profile {kind}, not a CiA 402 drive", axis=self.name, obj=od.DEVICE_TYPE
             )
+
+    def _default(self, ref: ObjectRef) -> int | None:
+        """An object's value in the EDS."""
+        variable = self.dictionary.get_variable(ref.index, ref.sub)
+        return None if variable is None else variable.default
 
     def set_heartbeat(self) -> None:
         """Has the node send heartbeats."""

@@ -73,10 +73,6 @@ class OtherHost:
                 self.on_found()
         return True
 
-    def forget(self) -> None:
-        """Clears `found`."""
-        self.found = None
-
     def _is_ours(self, can_id: int, data: bytes, now: int) -> bool:
         unreturned = self._unreturned.get(can_id, ())
         for place, (payload, at) in enumerate(unreturned):

@@ -7,13 +7,16 @@ transmission type, PDO valid; then everything is read back.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from struct import Struct
-from typing import Protocol
 
+from drivers.canopen.remote_objects import RemoteObjects
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef, Quantity
 
+RPDO, TPDO = 0x1400, 0x1800
+"""Communication records of a drive's first RPDO and TPDO."""
 INVALID = 1 << 31
 """COB-ID bit 31: the PDO is not valid."""
 NO_RTR = 1 << 30
@@ -82,89 +85,64 @@ class PdoMapping:
             raise ConfigurationError(f"a PDO carries 8 to 64 bits, this mapping has {bits}")
         object.__setattr__(self, "codec", Struct("<" + "".join(e.code for e in self.entries)))
 
-
-class ObjectAccess(Protocol):
-    """Access to the objects of one node (implemented by `Node`)."""
-
-    name: str
-
-    def read(self, obj: ObjectRef) -> int:
-        """The value of an integer object."""
-
-    def write(self, obj: ObjectRef, value: int) -> None:
-        """Writes an integer object."""
-
-    def offers(self, obj: ObjectRef) -> bool:
-        """Whether the node has the object."""
+    @classmethod
+    def of(cls, node: RemoteObjects, refs: Iterable[ObjectRef]) -> PdoMapping:
+        """The mapping of these objects, with their data types from the node's EDS."""
+        return cls(tuple(MappedObject(ref, node.data_type(ref)) for ref in refs))
 
 
-@dataclass(frozen=True, slots=True)
-class PdoRecord:
-    """Communication and mapping parameters of one PDO of a node.
+def pdo_label(index: int) -> str:
+    """The PDO of a communication record, such as "RPDO 1" for 0x1400, "TPDO 1" for 0x1800."""
+    return f"{'TPDO' if index >= TPDO else 'RPDO'} {(index & 0x1FF) + 1}"
 
-    Attributes:
-        communication: index, from 0x1400 or 0x1800.  mapping: index, from 0x1600 or 0x1A00.
-        label: for messages, such as "RPDO 1".
+
+def _cob_id(index: int) -> ObjectRef:
+    """The object with COB-ID and the bits "not valid" (31) and "no RTR" (30)."""
+    return ObjectRef(index, 1, f"COB-ID of {pdo_label(index)}", Quantity.CODE)
+
+
+def disable_pdo(node: RemoteObjects, index: int) -> None:
+    """Makes the PDO with this communication record invalid, where the node has it."""
+    ref = _cob_id(index)
+    if node.offers(ref) and not (value := node.read(ref)) & INVALID:
+        node.write(ref, value | INVALID)
+
+
+def configure_pdo(node: RemoteObjects, index: int, cob_id: int, mapping: PdoMapping) -> None:
+    """Maps a PDO, makes it synchronous and valid, and reads everything back.
+
+    Args:
+        node: whose PDO.
+        index: of its communication record; that of its mapping is 0x200 higher.
+        cob_id: CAN-ID.
+        mapping: its objects.
+
+    Raises:
+        ConfigurationError: the node holds a value other than the one written.
+        NodeError: the node refuses or does not answer.
     """
-
-    communication: int
-    mapping: int
-    label: str
-
-    @classmethod
-    def receive(cls, number: int) -> PdoRecord:
-        """The drive's RPDO `number` (from 1)."""
-        return cls(0x1400 + number - 1, 0x1600 + number - 1, f"RPDO {number}")
-
-    @classmethod
-    def transmit(cls, number: int) -> PdoRecord:
-        """The drive's TPDO `number` (from 1)."""
-        return cls(0x1800 + number - 1, 0x1A00 + number - 1, f"TPDO {number}")
-
-    def cob_id(self) -> ObjectRef:
-        """The object with COB-ID and the bits "not valid" (31) and "no RTR" (30)."""
-        return ObjectRef(self.communication, 1, f"COB-ID of {self.label}", Quantity.CODE)
-
-    def disable(self, node: ObjectAccess) -> None:
-        """Makes the PDO invalid, where the node has it."""
-        ref = self.cob_id()
-        if not node.offers(ref):
-            return
-        value = node.read(ref)
-        if not value & INVALID:
-            node.write(ref, value | INVALID)
-
-    def configure(
-        self, node: ObjectAccess, cob_id: int, mapping: PdoMapping, transmission: int = SYNCHRONOUS
-    ) -> None:
-        """Maps the PDO, sets its transmission type, makes it valid, and reads everything back.
-
-        Raises:
-            ConfigurationError: the node holds a value other than the one written.
-            NodeError: the node refuses or does not answer.
-        """
-        cob, code = self.cob_id(), Quantity.CODE
-        kind = ObjectRef(self.communication, 2, f"{self.label} transmission", code)
-        count = ObjectRef(self.mapping, 0, f"{self.label} number of mapped objects", code)
-        current = node.read(cob)
-        # bit 30 (no RTR) stays as it is: some drives abort a change
-        base = cob_id | (current & NO_RTR)
-        node.write(cob, (current & ~0x1FFFFFFF) | INVALID | (current & 0x1FFFFFFF))
-        node.write(count, 0)
-        expected: list[tuple[ObjectRef, int]] = []
-        for sub, entry in enumerate(mapping.entries, start=1):
-            name = f"{self.label} mapping of {entry.object}"
-            ref = ObjectRef(self.mapping, sub, name, code)
-            node.write(ref, entry.entry)
-            expected.append((ref, entry.entry))
-        node.write(count, len(mapping.entries))
-        node.write(kind, transmission)
-        node.write(cob, base | INVALID)
-        node.write(cob, base)
-        expected += [(count, len(mapping.entries)), (kind, transmission), (cob, base)]
-        for ref, value in expected:
-            held = node.read(ref)
-            if held != value:
-                raise ConfigurationError(
-                    f"wrote 0x{value:X}, the drive holds 0x{held:X}", axis=node.name, obj=ref
-                )
+    cob, code, label = _cob_id(index), Quantity.CODE, pdo_label(index)
+    kind = ObjectRef(index, 2, f"{label} transmission", code)
+    count = ObjectRef(index + 0x200, 0, f"{label} number of mapped objects", code)
+    current = node.read(cob)
+    # bit 30 (no RTR) stays as it is: some drives abort a change
+    base = cob_id | (current & NO_RTR)
+    node.write(cob, current | INVALID)
+    node.write(count, 0)
+    expected: list[tuple[ObjectRef, int]] = []
+    for sub, entry in enumerate(mapping.entries, start=1):
+        name = f"{label} mapping of {entry.object}"
+        ref = ObjectRef(index + 0x200, sub, name, code)
+        node.write(ref, entry.entry)
+        expected.append((ref, entry.entry))
+    node.write(count, len(mapping.entries))
+    node.write(kind, SYNCHRONOUS)
+    node.write(cob, base | INVALID)
+    node.write(cob, base)
+    expected += [(count, len(mapping.entries)), (kind, SYNCHRONOUS), (cob, base)]
+    for ref, value in expected:
+        held = node.read(ref)
+        if held != value:
+            raise ConfigurationError(
+                f"wrote 0x{value:X}, the drive holds 0x{held:X}", axis=node.name, obj=ref
+            )

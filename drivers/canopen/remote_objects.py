@@ -23,8 +23,9 @@ T = TypeVar("T")
 Value = int | float | str | bytes | bytearray
 """Value of an object, by its data type."""
 
-SDO_TIMEOUT = 0.4
 SDO_ATTEMPTS = 2
+HISTORY_LENGTH = 4
+"""Entries read from 0x1003."""
 _NOT_OFFERED = (0x06020000, 0x06090011)
 
 
@@ -52,7 +53,7 @@ class RemoteObjects:
     """The objects of a node.
 
     Attributes:
-        name: of its axis.  id: node id.
+        name: of its axis.  id: node id.  dictionary: of its EDS.
         silent: whether it left an SDO unanswered and nothing was received from it since.
     """
 
@@ -60,8 +61,8 @@ class RemoteObjects:
         self.name = settings.name
         self.id = settings.node
         self.silent = False
-        self._dictionary = load_dictionary(settings)
-        self._sdo = SdoChannel(network, settings.node, SDO_TIMEOUT)
+        self.dictionary = load_dictionary(settings)
+        self._sdo = SdoChannel(network, settings.node)
 
     def offers(self, obj: ObjectRef) -> bool:
         """Whether the EDS lists the object."""
@@ -108,7 +109,20 @@ class RemoteObjects:
             return int.from_bytes(data, "little")
         return int(variable.decode_raw(data))
 
-    def error_history(self, length: int) -> tuple[int, ...]:
+    def read_if_offered(self, obj: ObjectRef) -> int | None:
+        """As `read`, for an optional object; None where the EDS lacks it or the node refuses.
+
+        Raises:
+            NodeError: no answer.
+        """
+        try:
+            return self.read(obj) if self.offers(obj) else None
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+            return None
+
+    def error_history(self) -> tuple[int, ...]:
         """The newest error codes of 0x1003, newest first; empty where the node keeps none.
 
         Raises:
@@ -117,7 +131,7 @@ class RemoteObjects:
         codes = []
         try:
             count = self.read(od.ERROR_COUNT) if self.offers(od.ERROR_COUNT) else 0
-            for sub in range(1, min(count, length) + 1):
+            for sub in range(1, min(count, HISTORY_LENGTH) + 1):
                 codes.append(self.read(ObjectRef(0x1003, sub, "error history")) & 0xFFFF)
         except NodeError as refused:
             if refused.abort_code is None:
@@ -169,9 +183,7 @@ class RemoteObjects:
             ConfigurationError: the drive holds another value afterwards.
             NodeError: as `read` and `write`.
         """
-        held, refusal = self._write_and_read(obj, value)
-        if held != value:
-            raise self.mismatch(obj, value, held, refusal)
+        self._require(obj, value, self._write_and_read(obj, value))
 
     def write_optional(self, obj: ObjectRef, value: int) -> bool:
         """As `write_checked`, for an optional object.
@@ -183,12 +195,9 @@ class RemoteObjects:
             ConfigurationError, NodeError: as `write_checked`, where it is offered.
         """
         result = self.write_if_accepted(obj, value)
-        if result is None:
-            return False
-        held, refusal = result
-        if held != value:
-            raise self.mismatch(obj, value, held, refusal)
-        return True
+        if result is not None:
+            self._require(obj, value, result)
+        return result is not None
 
     def write_if_accepted(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
         """Writes an optional object; the caller judges the value that it holds then.
@@ -222,6 +231,11 @@ class RemoteObjects:
             return held, refused
         return self.read(obj), None
 
+    def _require(self, obj: ObjectRef, value: int, result: tuple[int, NodeError | None]) -> None:
+        held, refusal = result
+        if held != value:
+            raise self.mismatch(obj, value, held, refusal)
+
     def mismatch(
         self, obj: ObjectRef, value: int, held: int, refusal: NodeError | None
     ) -> ConfigurationError | NodeError:
@@ -235,13 +249,8 @@ class RemoteObjects:
             abort_code=refusal.abort_code,
         )  # fmt: skip
 
-    @property
-    def dictionary(self) -> canopen.ObjectDictionary:
-        """The object dictionary of the EDS."""
-        return self._dictionary
-
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
-        return self._dictionary.get_variable(obj.index, obj.sub)
+        return self.dictionary.get_variable(obj.index, obj.sub)
 
     def _encoded(self, obj: ObjectRef, value: Value) -> bytes:
         variable = self._variable(obj)

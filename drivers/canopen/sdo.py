@@ -1,20 +1,20 @@
-"""SDO client protocol (CiA 301, 7.2.4): expedited, segmented and block transfers, without a bus.
+"""SDO client protocol (CiA 301, 7.2.4) without a bus: expedited, segmented, uploads in blocks.
 
-A transfer is a generator: it yields what to send next (one frame, several for a block, or None to
-keep waiting), is sent every frame received from the server, and returns the object's bytes. A frame
-that does not answer the present request (another object or service, an old toggle bit) is ignored:
-it is late, or meant for another client. `sdo_channel.py` runs transfers on a bus.
+A transfer is a generator: it yields the frame to send next (None to keep waiting), is sent every
+frame received from the server, and returns the object's bytes. A frame that does not answer the
+present request (another object or service, an old toggle bit) is ignored: it is late, or meant for
+another client. `sdo_channel.py` runs transfers on a bus.
 """
 
 from __future__ import annotations
 
 import struct
 from binascii import crc_hqx
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 from canopen import SdoAbortedError
 
-Transfer = Generator["tuple[bytes, ...] | None", bytes, bytes]
+Transfer = Generator["bytes | None", bytes, bytes]
 
 TIMED_OUT = 0x05040000
 UNKNOWN_COMMAND = 0x05040001
@@ -63,7 +63,7 @@ def block_upload(index: int, sub: int) -> Transfer:
         return (yield from _rest_of_upload(answer, index, sub))
     checked = bool(answer[0] & 0x04)
     data = bytearray()
-    send: tuple[bytes, ...] | None = (bytes((0xA3, 0, 0, 0, 0, 0, 0, 0)),)
+    send: bytes | None = bytes((0xA3, 0, 0, 0, 0, 0, 0, 0))
     finished = False
     while not finished:
         sequence, complete = 0, False
@@ -79,11 +79,8 @@ def block_upload(index: int, sub: int) -> Transfer:
                 data += answer[1:]
                 finished = bool(answer[0] & 0x80)
             complete = finished or number >= BLOCK_SEGMENTS or bool(answer[0] & 0x80)
-        send = (bytes((0xA2, sequence, BLOCK_SEGMENTS, 0, 0, 0, 0, 0)),)
-    answer = yield send
-    while answer[0] & 0xE3 != 0xC1:
-        _check_abort(answer, index, sub)
-        answer = yield None
+        send = bytes((0xA2, sequence, BLOCK_SEGMENTS, 0, 0, 0, 0, 0))
+    answer = yield from _answer(send, index, sub, lambda frame: frame[0] & 0xE3 == 0xC1)
     unused = answer[0] >> 2 & 0x07
     if unused:
         del data[-unused:]
@@ -94,38 +91,6 @@ def block_upload(index: int, sub: int) -> Transfer:
 
 BLOCK_UPLOAD_END = bytes((0xA1, 0, 0, 0, 0, 0, 0, 0))
 """Ends a block upload; sent by the channel, since no answer follows."""
-
-
-def block_download(index: int, sub: int, data: bytes) -> Transfer:
-    """Writes an object in blocks, with a checksum where the server supports it."""
-    frame = _request(0xC6, index, sub, struct.pack("<I", len(data)))
-    answer = yield from _initiate(frame, index, sub, 0xA0)
-    checked, size = bool(answer[0] & 0x04), answer[4]
-    segments = [data[i : i + 7] for i in range(0, max(1, len(data)), 7)]
-    done = 0
-    while done < len(segments):
-        if not 1 <= size <= 127:
-            raise SdoAbortedError(0x05040002)
-        block = segments[done : done + size]
-        frames = tuple(
-            bytes((n | (0x80 if done + n == len(segments) else 0),)) + part.ljust(7, b"\0")
-            for n, part in enumerate(block, start=1)
-        )
-        answer = yield frames
-        while answer[0] & 0xE3 != 0xA2:
-            _check_abort(answer, index, sub)
-            answer = yield None
-        if answer[1] > len(block):
-            raise SdoAbortedError(0x05040003)
-        done += answer[1]
-        size = answer[2]
-    unused = 7 - len(segments[-1])
-    crc = crc_hqx(data, 0) if checked else 0
-    answer = yield (bytes((0xC1 | unused << 2,)) + struct.pack("<H5x", crc),)
-    while answer[0] & 0xE3 != 0xA1:
-        _check_abort(answer, index, sub)
-        answer = yield None
-    return b""
 
 
 def _request(command: int, index: int, sub: int, data: bytes = b"") -> bytes:
@@ -140,25 +105,27 @@ def _check_abort(answer: bytes, index: int, sub: int) -> None:
         raise SdoAbortedError(struct.unpack_from("<I", answer, 4)[0])
 
 
-def _initiate(
-    frame: bytes, index: int, sub: int, *expected: int
-) -> Generator[tuple[bytes, ...] | None, bytes, bytes]:
-    answer = yield (frame,)
-    while answer[0] & 0xE0 not in expected or _HEAD.unpack_from(answer)[1:] != (index, sub):
+def _answer(
+    frame: bytes | None, index: int, sub: int, is_answer: Callable[[bytes], bool]
+) -> Transfer:
+    """Sends a frame and returns the server's answer to it; raises the server's abort."""
+    answer = yield frame
+    while not is_answer(answer):
         _check_abort(answer, index, sub)
         answer = yield None
     return answer
 
 
-def _segment(
-    frame: bytes, index: int, sub: int, expected: int
-) -> Generator[tuple[bytes, ...] | None, bytes, bytes]:
+def _initiate(frame: bytes, index: int, sub: int, *services: int) -> Transfer:
+    def is_answer(answer: bytes) -> bool:
+        return answer[0] & 0xE0 in services and _HEAD.unpack_from(answer)[1:] == (index, sub)
+
+    return _answer(frame, index, sub, is_answer)
+
+
+def _segment(frame: bytes, index: int, sub: int, expected: int) -> Transfer:
     """One segment: `expected` holds service (bits 7..5) and toggle (bit 4) of the answer."""
-    answer = yield (frame,)
-    while answer[0] & 0xF0 != expected:
-        _check_abort(answer, index, sub)
-        answer = yield None
-    return answer
+    return _answer(frame, index, sub, lambda answer: answer[0] & 0xF0 == expected)
 
 
 def _rest_of_upload(answer: bytes, index: int, sub: int) -> Transfer:

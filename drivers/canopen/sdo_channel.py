@@ -12,21 +12,13 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
+from drivers.canopen import sdo
 from drivers.canopen.bus import Network
-from drivers.canopen.sdo import (
-    BLOCK_UPLOAD_END,
-    TIMED_OUT,
-    UNKNOWN_COMMAND,
-    Transfer,
-    abort_frame,
-    block_download,
-    block_upload,
-    download,
-    upload,
-)
+from drivers.canopen.sdo import Transfer
 from drivers.errors import BusError, DriverError
 
 TIMEOUT = 0.4
@@ -36,27 +28,20 @@ _POLL = 0.005
 """Interval at which a thread checks whether the bus has become free [s]."""
 
 
+@dataclass(slots=True, eq=False)
 class _Job:
-    """A transfer and its result."""
+    """A transfer and its result; `closing`: a frame sent at its end, which is not answered."""
 
-    __slots__ = ("begin", "closing", "done", "error", "object", "result")
-
-    def __init__(
-        self, obj: tuple[int, int], begin: Callable[[], Transfer], closing: bytes | None
-    ) -> None:
-        self.object = obj
-        self.begin = begin
-        self.closing = closing
-        self.done = False
-        self.result = b""
-        self.error: Exception | None = None
+    object: tuple[int, int]
+    begin: Callable[[], Transfer]
+    closing: bytes | None = None
+    done: bool = False
+    result: bytes = b""
+    error: Exception | None = None
 
     def end(self, result: bytes = b"", error: Exception | None = None) -> None:
         self.result, self.error = result, error
         self.done = True  # last: another thread polls it
-
-    def is_done(self) -> bool:
-        return self.done
 
 
 class SdoChannel:
@@ -101,11 +86,11 @@ class SdoChannel:
             SdoCommunicationError: it does not answer.
             BusError: the bus fails.
         """
-        return self._run(_Job((index, sub), lambda: upload(index, sub), None))
+        return self._run(_Job((index, sub), lambda: sdo.upload(index, sub)))
 
     def download(self, index: int, sub: int, data: bytes) -> None:
         """Writes an object; raises as `upload`."""
-        self._run(_Job((index, sub), lambda: download(index, sub, data), None))
+        self._run(_Job((index, sub), lambda: sdo.download(index, sub, data)))
 
     def write_unanswered(self, index: int, sub: int, data: bytes) -> None:
         """Writes up to four bytes without waiting for the answer; the transfer under way fails.
@@ -117,26 +102,18 @@ class SdoChannel:
             if self._job is not None:
                 self._drop(self._job, SdoCommunicationError("abandoned for an urgent write"))
             self._unanswered.append((index, sub))
-            for frame in next(download(index, sub, data)) or ():
-                self._send(frame)
+            self._send(next(sdo.download(index, sub, data)))
 
     def block_upload(self, index: int, sub: int) -> bytes:
         """As `upload`, in blocks where the node supports them."""
         try:
-            return self._run(_Job((index, sub), lambda: block_upload(index, sub), BLOCK_UPLOAD_END))
+            return self._run(
+                _Job((index, sub), lambda: sdo.block_upload(index, sub), sdo.BLOCK_UPLOAD_END)
+            )
         except SdoAbortedError as refused:
-            if refused.code != UNKNOWN_COMMAND:
+            if refused.code != sdo.UNKNOWN_COMMAND:
                 raise
             return self.upload(index, sub)
-
-    def block_download(self, index: int, sub: int, data: bytes) -> None:
-        """As `download`, in blocks where the node supports them."""
-        try:
-            self._run(_Job((index, sub), lambda: block_download(index, sub, data), None))
-        except SdoAbortedError as refused:
-            if refused.code != UNKNOWN_COMMAND:
-                raise
-            self.download(index, sub, data)
 
     # -- in the thread that requests --------------------------------------------------------
 
@@ -167,7 +144,7 @@ class SdoChannel:
         while not job.done:
             self._next()
             left = max(0, self._deadline - network.clock.now_ns()) * 1e-9
-            if not network.pump_until(job.is_done, left):
+            if not network.pump_until(lambda: job.done, left):
                 self._service(network.clock.now_ns())
 
     def _drop(self, job: _Job, failed: Exception) -> None:
@@ -191,7 +168,7 @@ class SdoChannel:
             at, self._fence = self._fence or job.object, None
             self._unanswered.append(at)
             try:
-                self._send(abort_frame(*at, TIMED_OUT))
+                self._send(sdo.abort_frame(*at, sdo.TIMED_OUT))
             finally:
                 job.end(error=SdoCommunicationError("no SDO answer"))
         self._next()
@@ -208,51 +185,45 @@ class SdoChannel:
             return
         del self._unanswered[: -len(_FENCES) + 1]  # older answers are several timeouts late
         self._fence = next(f for f in _FENCES if f not in self._unanswered)
-        self._begin(upload(*self._fence))
+        self._begin(sdo.upload(*self._fence))
 
     def _begin(self, transfer: Transfer) -> None:
         self._transfer = transfer
         self._submit(next(transfer))
 
-    def _submit(self, frames: tuple[bytes, ...] | None) -> None:
-        for frame in frames or ():
-            self._send(frame)
+    def _submit(self, frame: bytes | None) -> None:
+        self._send(frame)
         # set after sending: in virtual time the answer may be in the queue already
         self._deadline = self._network.clock.now_ns() + round(self.timeout * 1e9)
 
-    def _send(self, frame: bytes) -> None:
-        self._network.send_message(0x600 + self.node_id, frame)
+    def _send(self, frame: bytes | None) -> None:
+        if frame is not None:
+            self._network.send_message(0x600 + self.node_id, frame)
 
     def _on_answer(self, can_id: int, data: bytearray, timestamp: float) -> None:
         transfer, job = self._transfer, self._job
         if transfer is None or job is None or len(data) != 8:
             return
+        result, error = b"", None
         try:
-            frames = transfer.send(bytes(data))
+            frame = transfer.send(bytes(data))
         except StopIteration as end:
-            if self._fence is not None:
-                self._fence_passed(job)
-                return
-            if job.closing is not None:
-                self._send(job.closing)
-            self._finish(job, end.value, None)
+            result = end.value
         except SdoAbortedError as refused:
-            if self._fence is not None:  # a refusal is an answer
-                self._fence_passed(job)
-                return
-            if data[0] != 0x80:  # our own decision: the server has to learn of it
-                self._send(abort_frame(*job.object, refused.code))
-            self._finish(job, b"", refused)
+            error = refused
         else:
-            if frames:
-                self._submit(frames)
-
-    def _fence_passed(self, job: _Job) -> None:
-        self._fence = None
-        self._unanswered.clear()
-        self._begin(job.begin())
-
-    def _finish(self, job: _Job, result: bytes, error: Exception | None) -> None:
+            if frame is not None:
+                self._submit(frame)
+            return
+        if self._fence is not None:  # a refusal is an answer, too
+            self._fence = None
+            self._unanswered.clear()
+            self._begin(job.begin())
+            return
+        if error is None:
+            self._send(job.closing)
+        elif data[0] != 0x80:  # our own decision: the server has to learn of it
+            self._send(sdo.abort_frame(*job.object, error.code))
         self._job = self._transfer = None
         job.end(result, error)
         self._next()

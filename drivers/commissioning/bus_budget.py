@@ -33,25 +33,24 @@ def worst_bits(data_bytes: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Frames of one kind in every cycle.
+    """A frame of every cycle.
 
     Attributes:
-        name: such as "RPDO 1 of x".  count: frames per cycle.  data_bytes: of each.
+        name: such as "RPDO 1 of x".  data_bytes: of the frame.
     """
 
     name: str
-    count: int
     data_bytes: int
 
     @property
     def worst(self) -> int:
-        """Bits of these frames, worst stuffing."""
-        return self.count * worst_bits(self.data_bytes)
+        """Its bits, worst stuffing."""
+        return worst_bits(self.data_bytes)
 
     @property
     def least(self) -> int:
-        """Bits of these frames, no stuffing."""
-        return self.count * least_bits(self.data_bytes)
+        """Its bits, no stuffing."""
+        return least_bits(self.data_bytes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +134,10 @@ def stage_budget(
     Raises:
         ValueError: a PDO has more than 8 bytes.
     """
-    lines = [Line("SYNC", 1, sync_bytes)]
+    lines = [Line("SYNC", sync_bytes)]
     for name in axes:
-        lines += [Line(f"RPDO {n} of {name}", 1, b) for n, b in enumerate(rpdos, start=1)]
-        lines += [Line(f"TPDO {n} of {name}", 1, b) for n, b in enumerate(tpdos, start=1)]
+        lines += [Line(f"RPDO {n} of {name}", b) for n, b in enumerate(rpdos, start=1)]
+        lines += [Line(f"TPDO {n} of {name}", b) for n, b in enumerate(tpdos, start=1)]
     for line in lines:
         least_bits(line.data_bytes)
     return BusBudget(tuple(lines), len(axes) + 1, sync_period, bitrate)

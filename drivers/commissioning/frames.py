@@ -7,7 +7,7 @@ Nothing is sent, unless the nodes are asked for mappings and units first (`read_
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from canopen import ObjectDictionaryError, SdoAbortedError
@@ -32,11 +32,8 @@ from drivers.settings import HOST_NODE, AxisSettings
 
 _CODES = {0x1001, 0x603F, 0x6040, 0x6041, 0x6060, 0x6061}
 """Objects whose change is an event; other process values change all the time."""
-_TIME_STAMP = 0x100
-_UNMAPPED = {
-    0x180: "TPDO 1", 0x200: "RPDO 1", 0x280: "TPDO 2", 0x300: "RPDO 2",
-    0x380: "TPDO 3", 0x400: "RPDO 3", 0x480: "TPDO 4", 0x500: "RPDO 4",
-}  # fmt: skip
+_FOR_ALL = {0x000: "NMT", 0x100: "TIME"}
+_PDOS = range(0x180, 0x501)
 _READ, _WRITTEN, _ABORTED = 0x40, 0x60, 0x80
 _SERVICE, _EXPEDITED, _SIZED = 0xE0, 0x02, 0x01
 
@@ -67,9 +64,6 @@ class _Known:
         self.dictionary = load_dictionary(settings)
         self.maps = PdoMaps(self.dictionary)
         self.writing: tuple[int, int, int] | None = None
-
-    def variable(self, index: int, sub: int) -> ODVariable | None:
-        return self.dictionary.get_variable(index, sub)
 
 
 class FrameDecoder:
@@ -118,12 +112,13 @@ class FrameDecoder:
     def decode(self, can_id: int, data: bytes) -> Decoded:
         """A data frame with an 11-bit id in words."""
         function, node = can_id & 0x780, can_id & 0x7F
-        if can_id == 0:
-            return _nmt(data, self._name)
+        if can_id == 0 and len(data) == 2:
+            command = NMT_COMMANDS.get(data[0], f"unknown command {data[0]}")
+            return Decoded(self._name(data[1]), "NMT", command)
         if can_id == SYNC_ID:
             return Decoded("all", "SYNC", str(data[0]) if data else "", ())
-        if can_id == _TIME_STAMP:
-            return Decoded("all", "TIME", data.hex(" "))
+        if can_id in _FOR_ALL:
+            return Decoded("all", _FOR_ALL[can_id], data.hex(" "))
         for known in self._nodes.values():
             pdo = known.maps.by_id.get(can_id)
             if pdo is not None:
@@ -135,8 +130,9 @@ class FrameDecoder:
             return Decoded(who, "SDO", self._sdo(node, data, request=function == 0x600))
         if function == 0x700 and len(data) == 1:
             return self._heartbeat(node, data[0] & 0x7F)
-        if function in _UNMAPPED:
-            return Decoded(who, _UNMAPPED[function], f"{data.hex(' ')} (not mapped)", ())
+        if function in _PDOS:
+            label = f"{'TPDO' if function & 0x80 else 'RPDO'} {(function - 0x80) >> 8}"
+            return Decoded(who, label, f"{data.hex(' ')} (not mapped)", ())
         return Decoded("", f"0x{can_id:03X}", data.hex(" "))
 
     def _name(self, node: int) -> str:
@@ -158,11 +154,11 @@ class FrameDecoder:
             text = f"{data.hex(' ')} ({len(data)} bytes, {pdo.size} are mapped)"
             return Decoded(name, pdo.label, text, ())
         values = list(_split(pdo, data))
-        texts = [_with_name(known, *place, part) for place, part in values]
+        text = ", ".join(_with_name(known, *place, part) for place, part in values)
         codes = tuple(
             int.from_bytes(part, "little") for (index, _), part in values if index in _CODES
         )
-        return Decoded(name, pdo.label, ", ".join(texts), codes)
+        return Decoded(name, pdo.label, text, codes)
 
     # -- SDO --------------------------------------------------------------------------------
 
@@ -171,8 +167,7 @@ class FrameDecoder:
             return data.hex(" ")
         command, index, sub = struct.unpack_from("<BHB", data)
         known = self._nodes.get(node)
-        variable = None if known is None else known.variable(index, sub)
-        obj = ObjectRef(index, sub, "") if variable is None else reference(variable)
+        obj = _reference(known, index, sub)
         if command == _ABORTED:
             code = int.from_bytes(data[4:], "little")
             text = SdoAbortedError.CODES.get(code, "no abort code of CiA 301")
@@ -186,7 +181,7 @@ class FrameDecoder:
         if not request and service == _READ:
             if not command & _EXPEDITED:
                 return f"{obj} has {int.from_bytes(data[4:], 'little')} bytes, in segments"
-            return f"{obj} = {self._value(known, obj, _payload(command, data))}"
+            return f"{obj} = {_text(known, obj, _payload(command, data))}"
         if not request and service == _WRITTEN:
             self._written(known, obj)
             return f"{obj} written"
@@ -200,24 +195,13 @@ class FrameDecoder:
         payload = _payload(command, data)
         if known is not None:
             known.writing = obj.index, obj.sub, int.from_bytes(payload, "little")
-        return f"write {obj} = {self._value(known, obj, payload)}"
+        return f"write {obj} = {_text(known, obj, payload)}"
 
     def _written(self, known: _Known | None, obj: ObjectRef) -> None:
         if known is not None and known.writing is not None:
             if known.writing[:2] == (obj.index, obj.sub):
                 known.maps.note(*known.writing)
             known.writing = None
-
-    def _value(self, known: _Known | None, obj: ObjectRef, payload: bytes) -> str:
-        variable = None if known is None else known.variable(obj.index, obj.sub)
-        return _value_text(obj, payload, variable, None if known is None else known.units)
-
-
-def _nmt(data: bytes, name_of: Callable[[int], str]) -> Decoded:
-    if len(data) != 2:
-        return Decoded("all", "NMT", data.hex(" "))
-    who = name_of(data[1])
-    return Decoded(who, "NMT", NMT_COMMANDS.get(data[0], f"unknown command {data[0]}"))
 
 
 def _emergency(data: bytes) -> str:
@@ -243,9 +227,8 @@ def _split(pdo: Pdo, data: bytes) -> Iterator[tuple[tuple[int, int], bytes]]:
 
 
 def _with_name(known: _Known, index: int, sub: int, data: bytes) -> str:
-    variable = known.variable(index, sub)
-    obj = ObjectRef(index, sub, "") if variable is None else reference(variable)
-    raw, words = _raw_and_words(obj, data, variable, known.units)
+    obj = _reference(known, index, sub)
+    raw, words = _raw_and_words(known, obj, data)
     if not obj.name:
         return f"0x{index:04X}:{sub:02X} {raw}"
     if words is None:
@@ -253,10 +236,17 @@ def _with_name(known: _Known, index: int, sub: int, data: bytes) -> str:
     return f"{without_unit(obj.name)} {_joined(obj, raw, words)}"
 
 
-def _value_text(
-    obj: ObjectRef, data: bytes, variable: ODVariable | None, axis: AxisSettings | None
-) -> str:
-    return _joined(obj, *_raw_and_words(obj, data, variable, axis))
+def _variable(known: _Known | None, index: int, sub: int) -> ODVariable | None:
+    return None if known is None else known.dictionary.get_variable(index, sub)
+
+
+def _reference(known: _Known | None, index: int, sub: int) -> ObjectRef:
+    variable = _variable(known, index, sub)
+    return ObjectRef(index, sub, "") if variable is None else reference(variable)
+
+
+def _text(known: _Known | None, obj: ObjectRef, data: bytes) -> str:
+    return _joined(obj, *_raw_and_words(known, obj, data))
 
 
 def _joined(obj: ObjectRef, raw: str, words: str | None) -> str:
@@ -266,10 +256,9 @@ def _joined(obj: ObjectRef, raw: str, words: str | None) -> str:
     return f"{raw} ({words})" if obj.index in _CODES else words
 
 
-def _raw_and_words(
-    obj: ObjectRef, data: bytes, variable: ODVariable | None, axis: AxisSettings | None
-) -> tuple[str, str | None]:
+def _raw_and_words(known: _Known | None, obj: ObjectRef, data: bytes) -> tuple[str, str | None]:
     """A value as the drive holds it, and its meaning."""
+    variable = _variable(known, obj.index, obj.sub)
     value: Value = int.from_bytes(data, "little")
     bits = 8 * len(data)
     if variable is not None and (variable.data_type not in INTEGER_TYPES or len(variable) == bits):
@@ -277,4 +266,4 @@ def _raw_and_words(
             value = variable.decode_raw(data)
         except ObjectDictionaryError:
             value = data
-    return raw_text(obj, value, bits), meaning(obj, value, axis)
+    return raw_text(obj, value, bits), meaning(obj, value, None if known is None else known.units)

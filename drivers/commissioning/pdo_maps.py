@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import canopen
 from canopen.objectdictionary import ODVariable
 
-from drivers.canopen import RemoteObjects
+from drivers.canopen import RemoteObjects, pdo_label
 from drivers.errors import NodeError
 from drivers.objects import ObjectRef
 
 _AREA = range(0x1400, 0x1C00)
 _INVALID = 1 << 31
-_SENT = range(0x1800, 0x1C00)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +96,6 @@ class PdoMaps:
                 continue
             count = self._held.get((index + 0x200, 0), 0)
             entries = [self._held.get((index + 0x200, s), 0) for s in range(1, count + 1)]
-            label = f"{'TPDO' if index in _SENT else 'RPDO'} {(index & 0x1FF) + 1}"
             self.by_id[cob_id & 0x7FF] = Pdo(
-                label, tuple((e >> 16, e >> 8 & 0xFF, e & 0xFF) for e in entries)
+                pdo_label(index), tuple((e >> 16, e >> 8 & 0xFF, e & 0xFF) for e in entries)
             )

@@ -7,7 +7,7 @@ host that uses SDO at the same time may receive answers to our requests.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -83,29 +83,22 @@ def scan(
     answers: dict[int, int] = {}
     again: list[int] = []
 
-    def heartbeat(node: int) -> Callable[[int, bytearray, float], None]:
-        def on_frame(can_id: int, data: bytearray, timestamp: float) -> None:
-            if len(data) != 1:
-                return
-            state = data[0] & 0x7F
+    def on_heartbeat(can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) == 1:
+            state, node = data[0] & 0x7F, can_id & 0x7F
             found = nodes.setdefault(node, Found(node))
             found.hear("heartbeat" if state else "boot-up")
             found.nmt = NMT_STATES.get(state or 127, f"unknown ({state})")
 
-        return on_frame
-
-    def answer(node: int) -> Callable[[int, bytearray, float], None]:
-        def on_frame(can_id: int, data: bytearray, timestamp: float) -> None:
-            if len(data) != 8 or struct.unpack_from("<HB", data, 1) != (0x1000, 0):
-                return
+    def on_answer(can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) == 8 and struct.unpack_from("<HB", data, 1) == (0x1000, 0):
+            node = can_id & 0x7F
             nodes.setdefault(node, Found(node)).hear("SDO")
             answers[node] = answers.get(node, 0) + 1
 
-        return on_frame
-
-    callbacks = [(0x700 + n, heartbeat(n)) for n in range(1, 128)]
+    callbacks = [(0x700 + n, on_heartbeat) for n in range(1, 128)]
     if ask:
-        callbacks += [(0x580 + n, answer(n)) for n in range(1, 128)]
+        callbacks += [(0x580 + n, on_answer) for n in range(1, 128)]
     for can_id, callback in callbacks:
         network.subscribe(can_id, callback)
     try:
@@ -138,25 +131,28 @@ def _identify(network: Network, found: Found) -> None:
     """Reads the identity and state of a node; what it lacks stays None."""
     channel = SdoChannel(network, found.node, _READ_TIMEOUT)
 
-    def number(index: int, sub: int) -> int | None:
+    def data(index: int, sub: int = 0) -> bytes | None:
         try:
-            return int.from_bytes(channel.upload(index, sub), "little")
+            return channel.upload(index, sub)
         except (SdoAbortedError, SdoCommunicationError):
             return None
 
+    def number(index: int, sub: int = 0) -> int | None:
+        held = data(index, sub)
+        return None if held is None else int.from_bytes(held, "little")
+
     try:
-        found.device_type = number(0x1000, 0)
-        found.error_register = number(0x1001, 0)
+        found.device_type = number(0x1000)
+        found.error_register = number(0x1001)
         found.vendor, found.product, found.revision, found.serial = (
             number(0x1018, sub) for sub in (1, 2, 3, 4)
         )
-        try:
-            text = channel.upload(0x1008, 0).rstrip(b"\0").decode("latin-1")
+        name = data(0x1008)
+        if name is not None:
+            text = name.rstrip(b"\0").decode("latin-1")
             found.name = "".join(c if c.isprintable() else "?" for c in text)
-        except (SdoAbortedError, SdoCommunicationError):
-            found.name = None
         if found.profile == 402:
-            found.statusword = number(0x6041, 0)
-            found.error_code = number(0x603F, 0)
+            found.statusword = number(0x6041)
+            found.error_code = number(0x603F)
     finally:
         channel.detach()

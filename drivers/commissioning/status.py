@@ -9,12 +9,7 @@ from dataclasses import dataclass
 
 from drivers import objects as od
 from drivers.canopen import error_text, register_text
-from drivers.drive import Axis, State, Status, decode, unit
-from drivers.errors import ConfigurationError, NodeError
-from drivers.objects import ObjectRef
-
-HISTORY_LENGTH = 4
-"""Entries read from 0x1003."""
+from drivers.drive import MODE_NAMES, Axis, State, Status, decode, unit
 
 STANDSTILL = 1e-3
 """An enabled axis slower than this is described as holding [m/s]."""
@@ -22,16 +17,11 @@ _INPUTS = (
     (0, "at the negative limit switch"), (1, "at the positive limit switch"),
     (3, "interlock active (STO or enable input)"),
 )  # fmt: skip
-_MODES = {
-    0: "no mode", 1: "profile position", 3: "profile velocity", 4: "profile torque", 6: "homing",
-    7: "interpolated position", 8: "cyclic synchronous position",
-    9: "cyclic synchronous velocity", 10: "cyclic synchronous torque",
-}  # fmt: skip
 
 
 def mode_text(mode: int) -> str:
     """A mode of operation (0x6060, 0x6061) in words."""
-    return _MODES.get(mode, f"mode {mode}")
+    return MODE_NAMES.get(mode, f"mode {mode}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,31 +59,22 @@ class AxisStatus:
         return "-" if self.mode is None else mode_text(self.mode)
 
 
-@dataclass(frozen=True, slots=True)
-class Signals:
-    """Optional signals of a drive besides its statusword; None where it does not report them.
+def in_words(
+    statusword: int,
+    error_code: int | None = None,
+    velocity: float | None = None,
+    inputs: int | None = None,
+    outputs: int | None = None,
+) -> str:
+    """The status of an axis in plain words.
 
-    Attributes:
+    Args:
+        statusword: 0x6041.
+        error_code: 0x603F; None, here as below, where the drive does not report it.
         velocity: 0x606C [m/s].
         inputs: 0x60FD: bits 0 and 1 limit switches, 3 interlock.
         outputs: 0x60FE:01: bit 0 sets the brake.
     """
-
-    velocity: float | None = None
-    inputs: int | None = None
-    outputs: int | None = None
-
-    def in_words(self) -> list[str]:
-        """Active inputs and outputs, one clause each."""
-        inputs = self.inputs or 0
-        words = [text for bit, text in _INPUTS if inputs >> bit & 1]
-        if self.outputs is not None:
-            words.append("brake set" if self.outputs & 1 else "brake released")
-        return words
-
-
-def in_words(statusword: int, error_code: int | None = None, signals: Signals = Signals()) -> str:
-    """The status of an axis in plain words."""
     state = decode(statusword)
     words = {
         State.NOT_READY_TO_SWITCH_ON: "starting up, no force",
@@ -105,12 +86,12 @@ def in_words(statusword: int, error_code: int | None = None, signals: Signals = 
         State.FAULT_REACTION_ACTIVE: "fault, stopping",
         State.FAULT: "fault, no force",
     }[state]
-    if state is State.OPERATION_ENABLED and signals.velocity is not None:
-        words = "enabled, " + ("holding" if abs(signals.velocity) < STANDSTILL else "moving")
+    if state is State.OPERATION_ENABLED and velocity is not None:
+        words = "enabled, " + ("holding" if abs(velocity) < STANDSTILL else "moving")
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and error_code:
         words += f": {error_text(error_code)}"
     if not statusword & Status.VOLTAGE_ENABLED and state is not State.FAULT:
-        explained = (signals.inputs or 0) & od.INTERLOCK
+        explained = (inputs or 0) & od.INTERLOCK
         words += "; no supply voltage" + ("" if explained else " (STO, contactor or mains)")
     if statusword & Status.WARNING:
         words += "; warning"
@@ -118,7 +99,10 @@ def in_words(statusword: int, error_code: int | None = None, signals: Signals = 
         words += "; internal limit active"
     if not statusword & Status.REMOTE:
         words += "; ignores commands from the bus (local control)"
-    return "; ".join([words, *signals.in_words()])
+    clauses = [words, *(text for bit, text in _INPUTS if (inputs or 0) >> bit & 1)]
+    if outputs is not None:
+        clauses.append("brake set" if outputs & 1 else "brake released")
+    return "; ".join(clauses)
 
 
 def status_of(axis: Axis) -> AxisStatus:
@@ -129,39 +113,26 @@ def status_of(axis: Axis) -> AxisStatus:
     """
     node = axis.node
     statusword = node.read(od.STATUSWORD)
-
-    def optional(ref: ObjectRef) -> int | None:
-        try:
-            return node.read(ref) if node.offers(ref) else None
-        except NodeError as refused:
-            if refused.abort_code is None:
-                raise
-            return None
-        except ConfigurationError:
-            return None
-
+    optional = node.read_if_offered
     position, force = optional(od.POSITION_ACTUAL), optional(od.FORCE_ACTUAL)
     code, speed = optional(od.ERROR_CODE), optional(od.VELOCITY_ACTUAL)
-    signals = Signals(
-        None if speed is None else speed * unit(axis.settings, od.VELOCITY_ACTUAL),
-        optional(od.DIGITAL_INPUTS),
-        optional(od.DIGITAL_OUTPUTS),
-    )
+    velocity = None if speed is None else speed * unit(axis.settings, od.VELOCITY_ACTUAL)
+    inputs, outputs = optional(od.DIGITAL_INPUTS), optional(od.DIGITAL_OUTPUTS)
     return AxisStatus(
         axis=axis.name,
         node=node.id,
         nmt=node.nmt_state,
         statusword=statusword,
         state=decode(statusword),
-        words=in_words(statusword, code, signals),
+        words=in_words(statusword, code, velocity, inputs, outputs),
         mode=optional(od.MODE_DISPLAY),
-        position=None if position is None else position * axis.scale.increment,
-        force=None if force is None else force * axis.scale.force,
+        position=None if position is None else position * axis.increment,
+        force=None if force is None else force * axis.force_unit,
         error_code=code,
         error_register=optional(od.ERROR_REGISTER),
-        history=axis.node.error_history(HISTORY_LENGTH),
-        sto=None if signals.inputs is None else bool(signals.inputs & od.INTERLOCK),
-        brake=None if signals.outputs is None else bool(signals.outputs & 1),
+        history=axis.node.error_history(),
+        sto=None if inputs is None else bool(inputs & od.INTERLOCK),
+        brake=None if outputs is None else bool(outputs & 1),
     )
 
 

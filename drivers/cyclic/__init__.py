@@ -1,9 +1,9 @@
 """The cyclic path: setpoints out, SYNC, process data in. No SDO in here."""
 
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.correction import OffsetCorrection
-from drivers.cyclic.cycle import Cycle, Until
-from drivers.cyclic.realtime import RealTime
-from drivers.cyclic.samples import Sink, decode_rows
-
-__all__ = ["Channel", "Cycle", "OffsetCorrection", "RealTime", "Sink", "Until", "decode_rows"]
+from drivers.cyclic.channel import Channel as Channel
+from drivers.cyclic.cycle import Cycle as Cycle
+from drivers.cyclic.cycle import Until as Until
+from drivers.cyclic.realtime import RealTime as RealTime
+from drivers.cyclic.rows import OffsetCorrection as OffsetCorrection
+from drivers.cyclic.samples import Sink as Sink
+from drivers.cyclic.samples import decode_rows as decode_rows

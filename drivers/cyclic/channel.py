@@ -40,13 +40,6 @@ class Channel:
         previous_tardy: the same of the SYNC before.
     """
 
-    __slots__ = (
-        "_differ", "_first", "_outstanding", "_pack", "_was_asked", "accepts_offset", "ambiguous",
-        "arrival", "axis", "controlword", "doubled", "extra", "force", "message", "missed",
-        "offset", "position", "previous_extra", "previous_tardy", "rpdo_id", "seen",
-        "sent_controlwords", "size", "statusword", "tardy", "target", "tpdo", "unpack", "valid",
-    )  # fmt: skip
-
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
         self.sent_controlwords: deque[int] = deque(maxlen=4)

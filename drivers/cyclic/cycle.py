@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.canopen import Clock, Network, Node
+from drivers.canopen import Network, Node
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.correction import CorrectedOffsets, OffsetCorrection, Row
+from drivers.cyclic.rows import CorrectedOffsets, OffsetCorrection, Row, planned_rows
 from drivers.cyclic.samples import SampleWriter, Sink
-from drivers.cyclic.setpoints import planned_rows
 from drivers.cyclic.sync_producer import Exchange
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
@@ -41,13 +40,16 @@ class Cycle:
     """Single cycles and streams of cycles, and the checks that end them.
 
     Attributes:
-        sync: the SYNC producer.  channels: one per axis.
+        sync: the SYNC producer.  axes: in order.  channels: one per axis.
+        clock: of the bus.  period: Ts [s].
         corrected: rows of streams with corrected force offsets; None where they go as planned.
     """
 
     def __init__(self, network: Network, axes: Sequence[Axis], settings: BusSettings) -> None:
         self.sync = Exchange(network, axes, settings)
         self.channels = self.sync.channels
+        self.axes, self.clock = tuple(axes), network.clock
+        self.period = settings.period_ns * 1e-9
         self._network = network
         self._period = settings.period_ns
         self._max_missed, self._max_late = settings.max_missed, settings.max_late
@@ -58,21 +60,6 @@ class Cycle:
         for axis in axes:
             axis.node.on_alarm = self._alarmed.append
         network.other_host.on_found = lambda: self._alarmed.append(network)
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """All axes, in order."""
-        return tuple(c.axis for c in self.channels)
-
-    @property
-    def period(self) -> float:
-        """Ts [s]."""
-        return self._period * 1e-9
-
-    @property
-    def clock(self) -> Clock:
-        """The clock of the bus."""
-        return self._network.clock
 
     def pump(self, duration: float) -> None:
         """Waits for `duration` [s] without SYNC, keeping heartbeats up both ways."""
@@ -89,10 +76,6 @@ class Cycle:
                 return channel
         names = ", ".join(a.name for a in self.axes)
         raise ConfigurationError(f"no such axis (there are {names})", axis=axis)
-
-    def resume(self) -> None:
-        """Continues the SYNC grid after a pause, which does not count as lateness."""
-        self.sync.resume()
 
     def exchange(self) -> None:
         """One cycle with the channels' present controlwords, targets and offsets.
@@ -114,7 +97,7 @@ class Cycle:
         Each sends the commands that the loop's body has set for the channels. Raises as `exchange`;
         with `checked` False as `exchange_unchecked`.
         """
-        self.resume()
+        self.sync.resume()
         exchange = self.exchange if checked else self.exchange_unchecked
         for _ in range(max(1, round(timeout / self.period))):
             exchange()
@@ -226,11 +209,11 @@ class Cycle:
 
     def _stream(self, rows: Iterator[Row], writer: SampleWriter, until: Until | None) -> None:
         channels = self.channels
-        increments = [c.axis.scale.increment for c in channels]
+        increments = [c.axis.increment for c in channels]
         sync, alarmed = self.sync, self._alarmed
         max_missed = self._max_missed
         if self._origin is None:
-            self.resume()
+            self.sync.resume()
         self._late_in_a_row = 0
         for frames, setpoints in rows:
             late = sync.run(frames)

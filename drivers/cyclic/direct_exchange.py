@@ -43,11 +43,6 @@ class DirectBus(Protocol):
         """
 
 
-def direct_bus(bus: object) -> DirectBus | None:
-    """The bus itself where it is one that delivers directly."""
-    return bus if isinstance(bus, DirectBus) else None
-
-
 class DirectExchange:
     """Exchanges the data of SYNCs.
 

@@ -9,7 +9,7 @@ from struct import Struct
 import numpy as np
 
 from drivers.cyclic.channel import Channel
-from drivers.drive import Scale
+from drivers.drive import Axis
 from stagedata import Samples
 
 Sample = tuple[int, ...]
@@ -77,32 +77,32 @@ class SampleWriter:
 
 
 def decode_rows(
-    rows: array[int], scales: Sequence[Scale], targets: Sequence[float] | None = None
+    rows: array[int], axes: Sequence[Axis], targets: Sequence[float] | None = None
 ) -> Samples:
     """Samples from the concatenated `Sample` tuples of any number of SYNCs.
 
     Args:
         rows: the tuples.
-        scales: of the axes.
+        axes: whose units they are in.
         targets: SI value of one unit of each axis' target; None: targets are positions.
     """
-    n = len(scales)
+    n = len(axes)
     raw = np.frombuffer(rows, dtype=np.int64).reshape(-1, HEAD + FIELDS * n)
-    axes = raw[:, HEAD:].reshape(-1, n, FIELDS)
-    increment = np.array([s.increment for s in scales])
-    force = np.array([s.force for s in scales])
-    valid = axes[:, :, VALID] != 0
+    values = raw[:, HEAD:].reshape(-1, n, FIELDS)
+    increment = np.array([axis.increment for axis in axes])
+    force = np.array([axis.force_unit for axis in axes])
+    valid = values[:, :, VALID] != 0
     return Samples(
         time=np.asarray(raw[:, 0] * 1e-9, dtype=np.float64),
-        position_demand=axes[:, :, 0] * (increment if targets is None else np.array(targets)),
-        force_offset=axes[:, :, 1] * force,
-        position=axes[:, :, 2] * increment,
-        force=axes[:, :, 3] * force,
-        statusword=axes[:, :, 4].astype(np.uint16),
+        position_demand=values[:, :, 0] * (increment if targets is None else np.array(targets)),
+        force_offset=values[:, :, 1] * force,
+        position=values[:, :, 2] * increment,
+        force=values[:, :, 3] * force,
+        statusword=values[:, :, 4].astype(np.uint16),
         valid=valid,
-        arrival=np.where(valid, axes[:, :, 6] * 1e-9, np.nan),
+        arrival=np.where(valid, values[:, :, 6] * 1e-9, np.nan),
         sync=np.asarray(raw[:, 2] * 1e-9, dtype=np.float64),
         doubt=np.where(raw[:, 3] < 0, np.inf, raw[:, 3] * 1e-9),
         late=raw[:, 1] != 0,
-        extra=axes[:, :, 7].astype(np.uint8),
+        extra=values[:, :, 7].astype(np.uint8),
     )

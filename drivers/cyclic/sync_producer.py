@@ -12,13 +12,13 @@ Keeps the SYNC grid and counts lateness. What lateness means, and what stops the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import can
 
 from drivers.canopen import Network, OwnFrame, delivers_at_once
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.direct_exchange import DirectExchange, direct_bus
+from drivers.cyclic.direct_exchange import DirectBus, DirectExchange
 from drivers.cyclic.kernel_sync import KernelSync, receive_own_frames
 from drivers.cyclic.reception import Receive, Reception
 from drivers.drive import Axis
@@ -37,7 +37,6 @@ _NO_STAMPS = (
 
 Frames = Sequence[tuple[Channel, bytes]]
 """The RPDOs before a SYNC: one per axis."""
-Send = Callable[[can.Message], None]
 
 
 class Exchange:
@@ -67,10 +66,9 @@ class Exchange:
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
         self._now_ns = network.clock.now_ns
         self._at_once = delivers_at_once(network.bus)
-        direct = direct_bus(network.bus)
         self._direct: DirectExchange | None = None
-        if direct is not None:
-            self._direct = DirectExchange(direct, network, self.reception)
+        if isinstance(network.bus, DirectBus):
+            self._direct = DirectExchange(network.bus, network, self.reception)
         self._phase: int | None = None
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
@@ -83,7 +81,6 @@ class Exchange:
         network.own_ids.add(SYNC_ID)
         network.own_ids |= self._setpoint_ids
         network.other_host.ids |= self._setpoint_ids
-        self._note_sent = network.other_host.note_sent if network.other_host.echoes else None
 
     def stalled_periods(self, within_ns: int) -> int:
         """Periods skipped by the last stall, if it ended within `within_ns`; else 0."""
@@ -172,10 +169,10 @@ class Exchange:
 
     def _lead(self, bus: can.BusABC, frames: Frames) -> int:
         """One SYNC of our own, at its instant on the grid."""
-        late = self._open_window(bus.send) if self._strict else 0
+        late = self._open_window() if self._strict else 0
         now, direct = self._now_ns(), self._direct
         if direct is None or self._overflow or self._due >= self._network.service_due:
-            self._send_setpoints(bus.send, frames, now)
+            self._send_setpoints(frames, now)
         elif direct.try_sync(frames, self._due, bus.recv):
             self.sent, self._due = self._due, self._due + self._period
             self.offset, self.doubt = 0, -1
@@ -210,7 +207,7 @@ class Exchange:
             now = now_ns()
         for channel in self.channels:
             channel.close_cycle()
-        self._send_sync(bus.send, now)
+        self._send_sync(now)
         self.offset = min(now - due, _MAX_NS)
         self.doubt = min(now_ns() - now, _MAX_NS) if self._at_once else -1
         reception.collect(recv, now)
@@ -218,18 +215,14 @@ class Exchange:
             self.offset, self.doubt = min(reception.echo_at - due, _MAX_NS), 0
         return late
 
-    def _send_sync(self, send: Send, now: int) -> None:
+    def _send_sync(self, now: int) -> None:
         if self._overflow:
             self._count = self._count % self._overflow + 1
             self._sync.data = bytearray((self._count,))
             self._sync.dlc = 1
-        if self._network.tap is not None:
-            self._network.tap(now, SYNC_ID, bytes(self._sync.data))
-        if self._note_sent is not None:
-            self._note_sent(SYNC_ID, bytes(self._sync.data), now)
-        send(self._sync)
+        self._network.put(self._sync, bytes(self._sync.data), now)
 
-    def _open_window(self, send: Send) -> int:
+    def _open_window(self) -> int:
         """Sends an extra SYNC where the last one's window is over: drives would drop setpoints.
 
         Returns:
@@ -242,7 +235,7 @@ class Exchange:
         clock.sleep_until_ns(self._due)
         now = reception.sync_at = clock.now_ns()
         self._due += (max(0, now - self._due) // self._period + 1) * self._period
-        self._send_sync(send, now)
+        self._send_sync(now)
         for channel in self.channels:
             channel.expect_more(1)
         return int(not resumed)
@@ -262,7 +255,7 @@ class Exchange:
             for channel in self.channels:
                 channel.expect_more(periods)
             now = self._now_ns()
-        self._send_setpoints(bus.send, frames, now)
+        self._send_setpoints(frames, now)
         if now >= network.service_due:
             network.service(now)
         periods, at = self._await_sync(recv, self._setpoint_ids)
@@ -308,13 +301,7 @@ class Exchange:
 
     # -- both ---------------------------------------------------------------------------------
 
-    def _send_setpoints(self, send: Send, frames: Frames, now: int) -> None:
-        tap = self._network.tap
+    def _send_setpoints(self, frames: Frames, now: int) -> None:
         for channel, frame in frames:
-            message = channel.message
-            message.data = bytearray(frame)  # a new one: a receiver may keep the old one
-            if tap is not None:
-                tap(now, message.arbitration_id, frame)
-            if self._note_sent is not None:
-                self._note_sent(message.arbitration_id, frame, now)
-            send(message)
+            channel.message.data = bytearray(frame)  # a new one: a receiver may keep the old one
+            self._network.put(channel.message, frame, now)

@@ -6,16 +6,16 @@ written is read back. Controller gains and other tuning of the drive are left al
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 from drivers import objects as od
-from drivers.canopen import MappedObject, Network, Node, PdoMapping, PdoRecord
+from drivers.canopen import RPDO, TPDO, Network, Node, PdoMapping, configure_pdo, disable_pdo
 from drivers.drive import dcf, parameters
-from drivers.drive.cia402 import Mode
+from drivers.drive.cia402 import MODE_NAMES, Mode
 from drivers.drive.host_loss import watch_host
-from drivers.drive.scaling import counts, scale
+from drivers.drive.scaling import counts, unit
 from drivers.drive.units import check_units
-from drivers.errors import AxisFault, ConfigurationError, NodeError
+from drivers.errors import AxisFault, ConfigurationError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, BusSettings
 
@@ -36,10 +36,6 @@ _WITHOUT = {
 }
 """Objects that are mapped where offered, and the consequence where they are not."""
 
-_NAMES = {
-    mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
-}
-
 _NEEDED = {
     Mode.HOMING: (od.HOMING_METHOD,),
     Mode.PROFILE_POSITION: (
@@ -55,10 +51,12 @@ class Axis:
     Attributes:
         name: as in the settings.  node: its CANopen node.
         settings: its settings; once configured, limited to what the drive holds.
-        scale: length and force of one unit on the bus.
+        increment: one unit of positions on the bus [m].  force_unit: of forces [N].
         homed: whether position 0 is the stage's zero; False after a reboot of the drive.
         rpdo, tpdo: the cyclic mappings, with data types from the EDS; without force offset or
             force where the drive lacks them.
+        accepts_force_offset: whether the drive has 0x60B2, which friction compensation needs.
+        reports_force: whether it has 0x6077.
         mode: mode of operation set last, None before the first.
         target: object of the cyclic target: position, velocity or force.
         limitations: what the drive lacks or holds other than requested, and the consequence, one
@@ -69,7 +67,8 @@ class Axis:
         self.settings = self._requested = settings
         self.name = settings.name
         self.node = Node(network, settings)
-        self.scale = scale(settings)
+        self.increment = unit(settings, od.POSITION_ACTUAL)
+        self.force_unit = unit(settings, od.FORCE_ACTUAL)
         self.mode: Mode | None = None
         self.limitations: list[str] = []
         self.target = od.TARGET_POSITION
@@ -81,13 +80,12 @@ class Axis:
 
     def _map_objects(self, absent: Collection[ObjectRef]) -> None:
         """Makes the cyclic mappings without objects that are absent."""
+        self.accepts_force_offset = od.FORCE_OFFSET not in absent
+        self.reports_force = od.FORCE_ACTUAL not in absent
         rpdo = (od.CONTROLWORD, self.target, od.FORCE_OFFSET)
-        self.rpdo = self._mapping([ref for ref in rpdo if ref not in absent])
-        self.tpdo = self._mapping([ref for ref in TPDO_OBJECTS if ref not in absent])
-
-    def _mapping(self, refs: Sequence[ObjectRef]) -> PdoMapping:
         try:
-            return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
+            self.rpdo = PdoMapping.of(self.node, [ref for ref in rpdo if ref not in absent])
+            self.tpdo = PdoMapping.of(self.node, [r for r in TPDO_OBJECTS if r not in absent])
         except ConfigurationError as refused:
             if refused.axis is not None:  # names itself already
                 raise
@@ -95,20 +93,9 @@ class Axis:
                 f"EDS file {self.settings.eds}: {refused}", axis=self.name
             ) from refused
 
-    @property
-    def accepts_force_offset(self) -> bool:
-        """Whether the drive has 0x60B2, which friction compensation needs."""
-        return any(e.object == od.FORCE_OFFSET for e in self.rpdo.entries)
-
-    @property
-    def reports_force(self) -> bool:
-        """Whether the drive has 0x6077."""
-        return any(e.object == od.FORCE_ACTUAL for e in self.tpdo.entries)
-
-    def add_limitation(self, clause: str) -> None:
-        """Adds a clause to `limitations`, once."""
-        if clause not in self.limitations:
-            self.limitations.append(clause)
+    def add_limitation(self, *clauses: str) -> None:
+        """Adds clauses to `limitations`, each once."""
+        self.limitations += [c for c in dict.fromkeys(clauses) if c not in self.limitations]
 
     def _find_limitations(self) -> None:
         """Finds which cyclic objects the node has, whatever its EDS says."""
@@ -138,13 +125,10 @@ class Axis:
         """
         node, axis = self.node, self._requested
         self._find_limitations()
-        for clause in dcf.apply(node, dcf.parameter_values(node.dictionary)):
-            self.add_limitation(clause)
-        for clause in check_units(node, axis):
-            self.add_limitation(clause)
+        self.add_limitation(*dcf.apply(node, dcf.parameter_values(node.dictionary)))
+        self.add_limitation(*check_units(node, axis))
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
-        self._set_sync_id()
-        self._set_sync_counter(bus.sync_counter)
+        self._set_up_sync(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, counts(axis, od.CYCLE_PERIOD, bus.sync_period))
         window = counts(axis, od.SYNC_WINDOW, bus.sync_window)
         if not node.write_optional(od.SYNC_WINDOW, window) and window:
@@ -155,13 +139,12 @@ class Axis:
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
         self.settings, clauses = parameters.write_settings(node, axis)
-        for clause in clauses:
-            self.add_limitation(clause)
-        PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
-        PdoRecord.transmit(1).configure(node, self.tpdo_id, self.tpdo)
-        for number in range(2, PDO_COUNT + 1):
-            PdoRecord.receive(number).disable(node)
-            PdoRecord.transmit(number).disable(node)
+        self.add_limitation(*clauses)
+        configure_pdo(node, RPDO, self.rpdo_id, self.rpdo)
+        configure_pdo(node, TPDO, self.tpdo_id, self.tpdo)
+        for number in range(1, PDO_COUNT):
+            disable_pdo(node, RPDO + number)
+            disable_pdo(node, TPDO + number)
         node.set_heartbeat()
         self._watch_host()
 
@@ -177,16 +160,12 @@ class Axis:
             )  # fmt: skip
         self.add_limitation(f"{obj} {why}")
 
-    def _set_sync_id(self) -> None:
-        """Sets 0x1005: the drive consumes our SYNC and produces none."""
+    def _set_up_sync(self, overflow: int) -> None:
+        """Sets 0x1005 and 0x1019, while 0x1006 is 0: the drive consumes our SYNC, produces none."""
         node = self.node
         if node.offers(od.SYNC_COB_ID) and node.read(od.SYNC_COB_ID) & 0x4000_07FF != od.SYNC_ID:
             node.write_optional(od.CYCLE_PERIOD, 0)
             node.write_checked(od.SYNC_COB_ID, od.SYNC_ID)
-
-    def _set_sync_counter(self, overflow: int) -> None:
-        """Sets 0x1019, which may change only while 0x1006 is 0."""
-        node = self.node
         if node.has(od.SYNC_OVERFLOW):
             if node.read(od.SYNC_OVERFLOW) != overflow:
                 node.write_optional(od.CYCLE_PERIOD, 0)
@@ -214,7 +193,7 @@ class Axis:
         self.target = target
         mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
         self._map_objects(set(_WITHOUT) - mapped)
-        PdoRecord.receive(1).configure(self.node, self.rpdo_id, self.rpdo)
+        configure_pdo(self.node, RPDO, self.rpdo_id, self.rpdo)
         return True
 
     def check_mode(self, mode: Mode) -> None:
@@ -226,7 +205,7 @@ class Axis:
         target = TARGETS.get(mode, od.TARGET_POSITION)
         if not self.node.offers(target):
             raise ConfigurationError(
-                f"is not in the EDS: no {_NAMES[mode]}", axis=self.name, obj=target
+                f"is not in the EDS: no {MODE_NAMES[mode]}", axis=self.name, obj=target
             )
         self.check_objects(mode)
         if not self.node.offers(od.SUPPORTED_MODES):
@@ -234,7 +213,7 @@ class Axis:
         modes = self.node.read(od.SUPPORTED_MODES)
         if not modes >> (mode - 1) & 1:
             raise ConfigurationError(
-                f"0x{modes:08X}: the drive does not offer {_NAMES[mode]} mode",
+                f"0x{modes:08X}: the drive does not offer {MODE_NAMES[mode]} mode",
                 axis=self.name, obj=od.SUPPORTED_MODES,
             )  # fmt: skip
 
@@ -248,7 +227,7 @@ class Axis:
         for ref in _NEEDED.get(mode, ()):
             if not self.node.has(ref):
                 raise ConfigurationError(
-                    f"is not offered: {_NAMES[mode]} mode needs it", axis=self.name, obj=ref
+                    f"is not offered: {MODE_NAMES[mode]} mode needs it", axis=self.name, obj=ref
                 )
 
     def set_mode(self, mode: Mode) -> None:
@@ -283,13 +262,6 @@ class Axis:
             if clause is not None:
                 self.add_limitation(clause)
         return slower
-
-    def error_code(self) -> int | None:
-        """0x603F, None where it cannot be read."""
-        try:
-            return self.node.read(od.ERROR_CODE)
-        except (NodeError, ConfigurationError):
-            return None
 
 
 def interpolation_period(period_us: int) -> tuple[int, int]:

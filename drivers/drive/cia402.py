@@ -48,6 +48,14 @@ class Mode(IntEnum):
     CYCLIC_SYNC_TORQUE = 10
 
 
+MODE_NAMES = {
+    0: "no mode", 1: "profile position", 3: "profile velocity", 4: "profile torque", 6: "homing",
+    7: "interpolated position", 8: "cyclic synchronous position",
+    9: "cyclic synchronous velocity", 10: "cyclic synchronous torque",
+}  # fmt: skip
+"""All modes of CiA 402, also those that the host does not use."""
+
+
 class Control(IntFlag):
     """Controlword bits of the modes."""
 

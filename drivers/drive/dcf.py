@@ -7,9 +7,11 @@ Drives may round velocities and accelerations; all other values have to be exact
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
+from typing import Any
 
 import canopen
+from canopen.objectdictionary import ODVariable
 
 from drivers.canopen import Node, Value
 from drivers.drive.parameters import Parameter, Rule
@@ -29,28 +31,17 @@ _ROUNDED = {0x607F, 0x6081, 0x6082, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A, 0x60
 
 def parameter_values(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, Value]]:
     """Objects with a `ParameterValue`, and that value, in the order of their indices."""
-    values: list[tuple[ObjectRef, Value]] = []
-    for variable in _variables(dictionary):
-        value = variable.value
-        if (
-            value is not None
-            and variable.writable
-            and variable.index not in _OURS
-            and variable.index not in _PDOS
-        ):
-            values.append((ObjectRef(variable.index, variable.subindex, variable.name), value))
-    return values
+    return [
+        (ObjectRef(variable.index, variable.subindex, variable.name), variable.value)
+        for index in sorted(dictionary)
+        if index not in _OURS and index not in _PDOS
+        for variable in _variables(dictionary[index])
+        if variable.value is not None and variable.writable
+    ]
 
 
-def _variables(
-    dictionary: canopen.ObjectDictionary,
-) -> Iterator[canopen.objectdictionary.ODVariable]:
-    for index in sorted(dictionary):
-        entry = dictionary[index]
-        if isinstance(entry, canopen.objectdictionary.ODVariable):
-            yield entry
-        else:
-            yield from entry.values()
+def _variables(entry: Any) -> Iterable[ODVariable]:
+    return [entry] if isinstance(entry, ODVariable) else entry.values()
 
 
 def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
@@ -63,20 +54,18 @@ def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
         ConfigurationError: names the objects that were refused or hold another value.
         NodeError: the node does not answer.
     """
-    differences, rounded = [], []
+    differences, rounded, refused = [], [], set()
     for ref, value in values:
         try:
             if not _holds(node, ref, value):
                 node.write(ref, value)
-        except NodeError as refused:
-            if refused.abort_code is None:
+        except (NodeError, ConfigurationError) as error:
+            if isinstance(error, NodeError) and error.abort_code is None:
                 raise
-            differences.append(f"{ref} {refused.cause}")
-        except ConfigurationError as unfit:
-            differences.append(f"{ref} {unfit.cause}")
-    reported = {text.split(" ", 1)[0] for text in differences}
+            differences.append(f"{ref} {error.cause}")
+            refused.add(ref)
     for ref, value in values:
-        if f"0x{ref.index:04X}:{ref.sub:02X}" in reported:
+        if ref in refused:
             continue
         held = _held(node, ref, value)
         if held == _as_held(node, ref, value):

@@ -8,6 +8,7 @@ values that the drive holds. The reaction to a lost host (0x6007) is in `host_lo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
@@ -39,17 +40,15 @@ _BRAKES = {
     3: "it brakes at its current limit",
     4: "it brakes at its voltage limit",
 }
-_REACTIONS: dict[ObjectRef, tuple[str, dict[int, str]]] = {
-    od.QUICK_STOP_OPTION: (
-        "on a quick stop, also when the host is lost,",
-        _BRAKES | {n + 4: f"{_BRAKES[n]} and holds there" for n in (1, 2, 3, 4)},
-    ),
-    od.SHUTDOWN_OPTION: ("on shutdown", _BRAKES),
-    od.DISABLE_OPTION: ("when disabled", _BRAKES),
-    od.HALT_OPTION: ("on a halt", _BRAKES),
-    od.FAULT_REACTION_OPTION: ("on a fault", _BRAKES),
-}
-"""When an option code applies, and the meaning of its values (CiA 402)."""
+_HOLDS = {n + 4: f"{_BRAKES[n]} and holds there" for n in (1, 2, 3, 4)}
+_OPTIONS = (
+    (od.QUICK_STOP_OPTION, "quick_stop", "on a quick stop, also when the host is lost,"),
+    (od.FAULT_REACTION_OPTION, "fault_reaction", "on a fault"),
+    (od.SHUTDOWN_OPTION, "shutdown", "on shutdown"),
+    (od.DISABLE_OPTION, "disable", "when disabled"),
+    (od.HALT_OPTION, "halt", "on a halt"),
+)
+"""Option codes: the object, its field in `OptionCodes`, when it applies."""
 
 
 class Rule(Enum):
@@ -123,8 +122,8 @@ def write_settings(node: RemoteObjects, requested: AxisSettings) -> tuple[AxisSe
         NodeError: no answer, or a write is refused and the value held is not accepted.
     """
     clauses: list[str] = []
-    for ref, code in _option_codes(requested):
-        clauses += _write_option(node, ref, code)
+    for ref, name, when in _OPTIONS:
+        clauses += _write_option(node, ref, getattr(requested.options, name), when)
     held: dict[ObjectRef, float] = {}
     for parameter in _parameters(requested):
         ref = parameter.object
@@ -165,39 +164,27 @@ def write_profile(
     return slower, clauses
 
 
-def _option_codes(s: AxisSettings) -> tuple[tuple[ObjectRef, int], ...]:
-    return (
-        (od.QUICK_STOP_OPTION, s.options.quick_stop),
-        (od.FAULT_REACTION_OPTION, s.options.fault_reaction),
-        (od.SHUTDOWN_OPTION, s.options.shutdown),
-        (od.DISABLE_OPTION, s.options.disable),
-        (od.HALT_OPTION, s.options.halt),
-    )
-
-
-def _parameters(s: AxisSettings) -> tuple[Parameter, ...]:
+def _parameters(s: AxisSettings) -> Iterator[Parameter]:
     search, index = s.homing_velocity
     low, high = s.travel
     sooner, slower = "the drive faults sooner", "homing is slower"
     beyond, window = "setpoints beyond it are refused", "the drive's own moves end by that"
-    return tuple(
-        _parameter(s, *row)
-        for row in (
-            (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.ROUNDED),
-            (od.FOLLOWING_ERROR_WINDOW, s.following_error, Rule.LESS, sooner),
-            (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.LESS, sooner),
-            (od.POSITION_WINDOW, s.position_window, Rule.ANY, window),
-            (od.POSITION_WINDOW_TIME, s.position_window_time, Rule.ANY, window),
-            (od.MAX_FORCE, s.peak_force, Rule.LESS, "there is no more force than that"),
-            (od.SOFT_LIMIT_LOW, low, Rule.ABOVE, beyond),
-            (od.SOFT_LIMIT_HIGH, high, Rule.BELOW, beyond),
-            (od.HOME_OFFSET, 0.0),
-            (od.HOMING_METHOD, s.homing_method),
-            (od.HOMING_SEARCH_SPEED, search, Rule.LESS, slower),
-            (od.HOMING_INDEX_SPEED, index, Rule.LESS, slower),
-            (od.HOMING_ACCELERATION, min(HOMING_ACCELERATION, s.acceleration), Rule.LESS, slower),
-        )
-    )
+    for row in (
+        (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.ROUNDED),
+        (od.FOLLOWING_ERROR_WINDOW, s.following_error, Rule.LESS, sooner),
+        (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.LESS, sooner),
+        (od.POSITION_WINDOW, s.position_window, Rule.ANY, window),
+        (od.POSITION_WINDOW_TIME, s.position_window_time, Rule.ANY, window),
+        (od.MAX_FORCE, s.peak_force, Rule.LESS, "there is no more force than that"),
+        (od.SOFT_LIMIT_LOW, low, Rule.ABOVE, beyond),
+        (od.SOFT_LIMIT_HIGH, high, Rule.BELOW, beyond),
+        (od.HOME_OFFSET, 0.0),
+        (od.HOMING_METHOD, s.homing_method),
+        (od.HOMING_SEARCH_SPEED, search, Rule.LESS, slower),
+        (od.HOMING_INDEX_SPEED, index, Rule.LESS, slower),
+        (od.HOMING_ACCELERATION, min(HOMING_ACCELERATION, s.acceleration), Rule.LESS, slower),
+    ):
+        yield _parameter(s, *row)
 
 
 def _parameter(
@@ -225,14 +212,14 @@ def _write(node: RemoteObjects, wanted: Parameter) -> tuple[int | None, str | No
     raise node.mismatch(wanted.object, wanted.value, held, refusal)
 
 
-def _write_option(node: RemoteObjects, ref: ObjectRef, code: int) -> list[str]:
+def _write_option(node: RemoteObjects, ref: ObjectRef, code: int, when: str) -> list[str]:
     result = node.write_if_accepted(ref, code)
     if result is None:
         return [f"{ref} is not offered: {_MISSING[ref]}"] if ref in _MISSING else []
     held, refusal = result
     if held == code:
         return []
-    when, meanings = _REACTIONS[ref]
+    meanings = _BRAKES | (_HOLDS if ref == od.QUICK_STOP_OPTION else {})
     meaning = meanings.get(held, "the reaction is manufacturer specific")
     return [f"{ref} is {held}, not {code}: {when} {meaning}{_because(refusal)}"]
 

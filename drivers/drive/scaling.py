@@ -7,9 +7,7 @@ drive means the same is checked before power: `units`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from drivers import objects as od
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef, Quantity
 from drivers.settings import AxisSettings
@@ -25,19 +23,6 @@ _UNITS: dict[Quantity, tuple[str, Callable[[AxisSettings], float]]] = {
 }
 """SI dimension of each quantity, and one unit of it on an axis."""
 _ROTARY = {"m": "rad", "m/s": "rad/s", "m/s^2": "rad/s^2", "N": "N m"}
-
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """SI values of one unit of the CAN integers: `increment` [m], `force` [N] (rated / 1000)."""
-
-    increment: float
-    force: float
-
-
-def scale(axis: AxisSettings) -> Scale:
-    """The units of an axis' positions and forces."""
-    return Scale(unit(axis, od.POSITION_ACTUAL), unit(axis, od.FORCE_ACTUAL))
 
 
 def unit(axis: AxisSettings, ref: ObjectRef) -> float:

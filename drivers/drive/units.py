@@ -83,7 +83,7 @@ class _Quantity:
     """A quantity whose unit CiA 303-2 states.
 
     Attributes:
-        name: of the quantity.
+        name: of the quantity; a rate's unit is `name`_unit in the settings.
         notation: the object that states its unit.
         example: an object in that unit.
         per: power of the time that the unit is divided by.
@@ -95,21 +95,14 @@ class _Quantity:
     per: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Rate(_Quantity):
-    """A velocity or acceleration: `factor` and `divisor` state its unit too; `key` sets it."""
-
-    factor: ObjectRef
-    divisor: ObjectRef
-    key: str
-
-
 _POSITION = _Quantity("position", od.POSITION_UNIT, od.TARGET_POSITION, 0)
-_VELOCITY = _Rate("velocity", od.VELOCITY_UNIT, od.PROFILE_VELOCITY, 1,
-                  od.VELOCITY_FACTOR, od.VELOCITY_DIVISOR, "velocity_unit")  # fmt: skip
-_ACCELERATION = _Rate("acceleration", od.ACCELERATION_UNIT, od.PROFILE_ACCELERATION, 2,
-                      od.ACCELERATION_FACTOR, od.ACCELERATION_DIVISOR,
-                      "acceleration_unit")  # fmt: skip
+_VELOCITY = _Quantity("velocity", od.VELOCITY_UNIT, od.PROFILE_VELOCITY, 1)
+_ACCELERATION = _Quantity("acceleration", od.ACCELERATION_UNIT, od.PROFILE_ACCELERATION, 2)
+_RATES = (
+    (_VELOCITY, od.VELOCITY_FACTOR, od.VELOCITY_DIVISOR),
+    (_ACCELERATION, od.ACCELERATION_FACTOR, od.ACCELERATION_DIVISOR),
+)
+"""Factor and divisor state the unit of a rate, too."""
 
 
 def check_units(node: Node, settings: AxisSettings) -> list[str]:
@@ -124,8 +117,8 @@ def check_units(node: Node, settings: AxisSettings) -> list[str]:
         NodeError: the drive does not answer.
     """
     unreported = _check_position(node, settings)
-    _check_rate(node, settings, _VELOCITY, settings.velocity_unit > 0)
-    _check_rate(node, settings, _ACCELERATION, settings.acceleration_unit > 0)
+    for rate, factor, divisor in _RATES:
+        _check_rate(node, settings, rate, factor, _ratio(node, settings, factor, divisor))
     _check_polarity(node, settings)
     return unreported + _check_force(node, settings)
 
@@ -162,19 +155,20 @@ def _check_position(node: Node, settings: AxisSettings) -> list[str]:
     return []
 
 
-def _check_rate(node: Node, settings: AxisSettings, rate: _Rate, is_written: bool) -> None:
-    """Velocity or acceleration; `is_written`: the settings have its unit from the machine file."""
-    ratio = _ratio(node, settings, rate.factor, rate.divisor)
+def _check_rate(
+    node: Node, settings: AxisSettings, rate: _Quantity, factor: ObjectRef, ratio: Fraction | None
+) -> None:
+    """Velocity or acceleration, by its factor, of which `ratio` is the value, and notation."""
     if ratio is not None:
-        _compare(float(ratio) * settings.encoder_increment, settings, rate, rate.factor)
+        _compare(float(ratio) * settings.encoder_increment, settings, rate, factor)
     stated = _stated(node, rate.notation)
     if stated is not None:
         _compare(_size(stated, settings, rate), settings, rate, rate.notation)
-    elif ratio is None and not is_written:
+    elif ratio is None and not getattr(settings, f"{rate.name}_unit"):
         one, si = unit(settings, rate.example), dimension(settings, rate.example)
         raise ConfigurationError(
             f"the drive does not say what it counts {rate.name} in; the machine file must: "
-            f"add {rate.key}: {one:g} to its drive section if it is {one:g} {si}",
+            f"add {rate.name}_unit: {one:g} to its drive section if it is {one:g} {si}",
             axis=settings.name, obj=rate.notation,
         )  # fmt: skip
 

@@ -8,21 +8,14 @@ waits until nothing moves (`complete`).
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 from drivers import objects as od
 from drivers.canopen import REBOOTED, Node, error_text, register_text
 from drivers.cyclic import Channel
 from drivers.drive import Command, Control, Status, decode, dimension, unit
-from drivers.errors import (
-    AxisFault,
-    ConfigurationError,
-    DriverError,
-    Evidence,
-    FaultReport,
-    NodeError,
-)
+from drivers.errors import AxisFault, DriverError, FaultReport, NodeError
 
-HISTORY_LENGTH = 4
 _COMMAND_BITS = 0x8F
 _BITS = (
     (Control.NEW_SETPOINT, "bit 4"),
@@ -32,16 +25,16 @@ _BITS = (
 )
 
 
-def gather(channel: Channel) -> Evidence:
+def gather(channel: Channel) -> FaultReport:
     """What the host knows of an axis at this moment; sends nothing."""
     axis = channel.axis
-    return Evidence(
+    return FaultReport(
         statusword=channel.statusword if channel.seen else None,
         emergencies=tuple(axis.node.emergencies),
         controlwords=tuple(channel.sent_controlwords),
         mode=None if axis.mode is None else int(axis.mode),
         target=_target_text(channel),
-        offset=channel.offset * axis.scale.force,
+        offset=channel.offset * axis.force_unit,
         boots=axis.node.booted,
     )
 
@@ -65,11 +58,11 @@ def command_text(controlword: int) -> str:
     return text + "".join(f" + {name}" for name in extra)
 
 
-def commands_text(evidence: Evidence) -> str:
+def commands_text(report: FaultReport) -> str:
     """The last commands in words."""
-    words = " > ".join(command_text(w) for w in evidence.controlwords) or "none"
-    mode = "" if evidence.mode is None else f", mode {evidence.mode}"
-    return f"{words}{mode}, target {evidence.target}, force offset {evidence.offset:.4g} N"
+    words = " > ".join(command_text(w) for w in report.controlwords) or "none"
+    mode = "" if report.mode is None else f", mode {report.mode}"
+    return f"{words}{mode}, target {report.target}, force offset {report.offset:.4g} N"
 
 
 def axis_fault(channel: Channel, what: str) -> AxisFault:
@@ -83,53 +76,53 @@ def axis_fault(channel: Channel, what: str) -> AxisFault:
     )  # fmt: skip
 
 
-def complete(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
+def complete(problem: AxisFault, channel: Channel, report: FaultReport) -> AxisFault:
     """The same fault with all that is known of it; reads by SDO, whose errors are ignored.
 
     Args:
         problem: the fault as noticed.
         channel: of its axis, which is at rest or lost.
-        evidence: from the moment it was noticed.
+        report: what the host knew at the moment it was noticed.
     """
     if problem.report is not None:
         return problem
     node = channel.axis.node
-    code, register = _read(node, od.ERROR_CODE), None
-    history: tuple[int, ...] = ()
+    code = read_quietly(node, od.ERROR_CODE)
     if code is not None:  # a node that does not answer costs one timeout, not three
-        register = _read(node, od.ERROR_REGISTER)
+        register = read_quietly(node, od.ERROR_REGISTER)
+        report = replace(report, error_code=code, error_register=register)
         with suppress(DriverError):
-            history = node.error_history(HISTORY_LENGTH)
-    report = FaultReport(evidence, code, register, history)
+            report = replace(report, history=node.error_history())
     return type(problem)(
         "; ".join(_clauses(problem.cause, report, node)), axis=problem.axis, obj=problem.object,
         code=problem.code or report.code, report=report,
     )  # fmt: skip
 
 
-def _read(node: Node, ref: od.ObjectRef) -> int | None:
+def read_quietly(node: Node, ref: od.ObjectRef) -> int | None:
+    """An object's value; None where it cannot be read."""
     try:
-        return node.read(ref) if node.offers(ref) and not node.silent else None
-    except (NodeError, ConfigurationError):
+        return None if node.silent else node.read_if_offered(ref)
+    except NodeError:
         return None
 
 
 def _clauses(cause: str, report: FaultReport, node: Node) -> list[str]:
     """The cause, then what it does not mention yet; each code once."""
-    parts, evidence = [cause], report.evidence
-    if node.booted > evidence.boots:  # which also explains a silence
+    parts = [cause]
+    if node.booted > report.boots:  # which also explains a silence
         parts.append(REBOOTED)
-    for emergency in evidence.emergencies:
+    for emergency in report.emergencies:
         if f"0x{emergency:04X}" not in "".join(parts):
             parts.append(f"emergency: {error_text(emergency)}")
-    code, word = report.error_code, evidence.statusword
+    code, word = report.error_code, report.statusword
     if code and f"0x{code:04X}" not in "".join(parts):
         parts.append(f"0x603F:00 error code: {error_text(code)}")
     if report.error_register and "error register" not in cause:
         parts.append(f"error register: {register_text(report.error_register)}")
     if word is not None and not word & Status.VOLTAGE_ENABLED:
         parts.append("no supply voltage (STO, contactor or mains)")
-        if (_read(node, od.DIGITAL_INPUTS) or 0) & od.INTERLOCK:
+        if (read_quietly(node, od.DIGITAL_INPUTS) or 0) & od.INTERLOCK:
             parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
     mentioned = "".join(parts)
     older = [error_text(h) for h in dict.fromkeys(report.history) if f"0x{h:04X}" not in mentioned]
@@ -138,4 +131,4 @@ def _clauses(cause: str, report: FaultReport, node: Node) -> list[str]:
     if word is not None and "statusword 0x" not in cause:
         warning = ", warning" if word & Status.WARNING else ""
         parts.append(f"statusword 0x{word:04X} ({decode(word)}{warning})")
-    return [*parts, f"last commands: {commands_text(evidence)}"]
+    return [*parts, f"last commands: {commands_text(report)}"]

@@ -15,6 +15,7 @@ from drivers.canopen import error_text
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, Mode, State, Status
 from drivers.errors import HomingError
+from drivers.motion.fault_report import read_quietly
 from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.safe_stop import SafeStop
 from drivers.motion.standstill import wait_for_rest
@@ -69,8 +70,6 @@ def next_progress(statusword: int, before: Progress, elapsed: float) -> Progress
 class Homing:
     """Homes the axes; arguments and errors as in `Stage`."""
 
-    mode = Mode.HOMING
-
     def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop) -> None:
         self._cycle, self._power, self._stopping = cycle, power, stopping
 
@@ -80,9 +79,9 @@ class Homing:
         if not chosen:
             return
         for channel in chosen:
-            channel.axis.check_objects(self.mode)
+            channel.axis.check_objects(Mode.HOMING)
         with self._stopping.on_failure():
-            self._power.enter(self.mode, chosen)
+            self._power.enter(Mode.HOMING, chosen)
             home(self._cycle, chosen)
             # homing ends with the drive's demand; csp starts at the actual position, so a following
             # error left by then would become a step of the target
@@ -132,7 +131,7 @@ def home(cycle: Cycle, channels: Sequence[Channel]) -> None:
         if all(p is Progress.DONE for p in progress.values()):
             for channel in channels:
                 _check_by_sdo(channel)
-            cycle.resume()
+            cycle.sync.resume()
             cycle.exchange()  # start bits off
             for channel in channels:
                 channel.axis.homed = True
@@ -143,7 +142,7 @@ def _why_still(channel: Channel) -> str:
     """A clause on whether the axis stands still, or its process data are frozen."""
     node = channel.axis.node
     position = node.read(od.POSITION_ACTUAL)
-    if abs(position - channel.position) * channel.axis.scale.increment > STILL_BAND:
+    if abs(position - channel.position) * channel.axis.increment > STILL_BAND:
         return (
             f"its process data (TPDO 0x{channel.axis.tpdo_id:03X}) have not changed for "
             f"{STANDSTILL:g} s, and SDO shows another position: the TPDO is frozen"
@@ -159,7 +158,7 @@ def _check_by_sdo(channel: Channel) -> None:
     """
     node = channel.axis.node
     word, position = node.read(od.STATUSWORD), node.read(od.POSITION_ACTUAL)
-    apart = abs(position - channel.position) * channel.axis.scale.increment
+    apart = abs(position - channel.position) * channel.axis.increment
     if not word & Status.HOMING_ATTAINED or apart > HOME_BAND:
         raise _error(
             channel,
@@ -171,7 +170,7 @@ def _check_by_sdo(channel: Channel) -> None:
 def _error(channel: Channel, what: str) -> HomingError:
     """A homing error with method, statusword and, where the drive reports one, error code."""
     axis = channel.axis
-    code = axis.error_code()
+    code = read_quietly(axis.node, od.ERROR_CODE)
     cause = (
         f"method {axis.settings.homing_method}: {what} (statusword 0x{channel.statusword:04X}"
         + (f", {error_text(code)})" if code else ")")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -238,23 +238,24 @@ def _force_counts(
 def _check_finite(
     values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef, unit: str
 ) -> None:
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row = int(bad.argmax())
-        raise LimitError(f"row {row}: {values[row]} {unit} is not finite", axis=axis.name, obj=ref)
+    _refuse(~np.isfinite(values), axis, ref, lambda row: f"{values[row]} {unit} is not finite")
 
 
 def _within(
     values: NDArray[np.float64], limit: float, what: str, unit: str, axis: AxisSettings,
     ref: od.ObjectRef,
 ) -> None:  # fmt: skip
-    above = values > limit * (1 + 1e-9)
-    if above.any():
-        row = int(above.argmax())
-        raise LimitError(
-            f"row {row}: {values[row]:.6g} {unit} exceeds the {what} limit {limit:g} {unit}",
-            axis=axis.name, obj=ref,
-        )  # fmt: skip
+    exceeds = f"{unit} exceeds the {what} limit {limit:g} {unit}"
+    _refuse(values > limit * (1 + 1e-9), axis, ref, lambda row: f"{values[row]:.6g} {exceeds}")
+
+
+def _refuse(
+    bad: NDArray[np.bool_], axis: AxisSettings, ref: od.ObjectRef, why: Callable[[int], str]
+) -> None:
+    """Raises a `LimitError` that names the first bad row; where there is none, does nothing."""
+    if bad.any():
+        row = int(bad.argmax())
+        raise LimitError(f"row {row}: {why(row)}", axis=axis.name, obj=ref)
 
 
 def _ends_at_zero(values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef) -> None:

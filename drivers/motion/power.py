@@ -48,6 +48,7 @@ class Power:
     """Takes all axes from one power state to another.
 
     Attributes:
+        channels: one per axis.
         mode: mode of operation set last on all axes, None before the first.
         unconfirmed: axes commanded towards power that have not been seen without it since.
     """
@@ -55,13 +56,8 @@ class Power:
     def __init__(self, cycle: Cycle) -> None:
         self.mode: Mode | None = None
         self.unconfirmed: set[str] = set()
-        self._cycle = cycle
-        self._period = cycle.period
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """One per axis."""
-        return self._cycle.channels
+        self.channels = cycle.channels
+        self._cycle, self._period = cycle, cycle.period
 
     @property
     def enabled(self) -> bool:
@@ -126,7 +122,7 @@ class Power:
             if self.mode is Mode.HOMING:  # the zero has changed since the target was sent
                 channel.target = channel.position
         self._map_targets(mode)
-        self._cycle.resume()
+        self._cycle.sync.resume()
         for _ in range(2):  # the drive has the right 0x607A before it enters the mode
             self._cycle.exchange()
         try:
@@ -220,7 +216,7 @@ class Power:
         start = [c.offset for c in self.channels]
         if not any(start) or not self.enabled:
             return
-        self._cycle.resume()
+        self._cycle.sync.resume()
         for step in range(1, steps + 1):
             for channel, offset in zip(self.channels, start, strict=True):
                 channel.offset = round(offset * (1 - step / steps))
@@ -307,7 +303,7 @@ class Power:
             except DriverError:
                 continue
         if chosen:
-            self._cycle.resume()
+            self._cycle.sync.resume()
 
     def _state_by_sdo(self, channel: Channel) -> State | None:
         """The power state read by SDO, None where the drive does not answer."""
@@ -318,4 +314,4 @@ class Power:
         except DriverError:
             return None
         finally:
-            self._cycle.resume()
+            self._cycle.sync.resume()

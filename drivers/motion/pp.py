@@ -28,8 +28,6 @@ class ProfilePosition:
         return_to_csp: enables all axes in csp.
     """
 
-    mode = Mode.PROFILE_POSITION
-
     def __init__(
         self, cycle: Cycle, power: Power, stopping: SafeStop, return_to_csp: Callable[[], None]
     ) -> None:
@@ -47,7 +45,7 @@ class ProfilePosition:
         """Moves one axis to one target, or from target to target."""
         channel = self._cycle.channel(axis)
         targets = [position] if isinstance(position, int | float) else list(position)
-        start = channel.position * channel.axis.scale.increment
+        start = channel.position * channel.axis.increment
         setpoints = checked_profile(
             channel.axis.settings, start, targets, velocity, acceleration, relative
         )
@@ -55,7 +53,7 @@ class ProfilePosition:
         with self._stopping.on_failure():
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
-            self._power.enter(self.mode)
+            self._power.enter(Mode.PROFILE_POSITION)
             self._move(channel, setpoints)
         self._return_to_csp()
 
@@ -63,7 +61,7 @@ class ProfilePosition:
         """Checks that the drive can make such moves; nothing is changed."""
         chosen = self._cycle.channel(axis).axis
         check_profile(chosen.settings, velocity, acceleration)
-        chosen.check_mode(self.mode)
+        chosen.check_mode(Mode.PROFILE_POSITION)
 
     def _move(self, channel: Channel, setpoints: Sequence[Setpoint]) -> None:
         """Moves an enabled axis along the setpoints.
@@ -86,9 +84,9 @@ class ProfilePosition:
         """All axes in pp, to be moved and redirected inside the block."""
         self._power.require_enabled()
         for axis in self._cycle.axes:
-            axis.check_mode(self.mode)
+            axis.check_mode(Mode.PROFILE_POSITION)
         with self._stopping.on_failure():
-            self._power.enter(self.mode)
+            self._power.enter(Mode.PROFILE_POSITION)
             moves = ProfileMoves(self._cycle, self._power, velocity, acceleration)
             yield moves
             moves.end()

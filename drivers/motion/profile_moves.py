@@ -8,10 +8,12 @@ axis is checked to end at its target.
 
 from __future__ import annotations
 
+import math
+
 from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Control, Status
-from drivers.errors import AxisFault, ConfigurationError, NodeError
+from drivers.errors import AxisFault, ConfigurationError
 from drivers.motion.limits import Setpoint, checked_profile
 from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.setpoint_handshake import (
@@ -43,7 +45,7 @@ class _Course:
         self.channel = channel
         self.end: int | None = None
         self.seconds = 0.0
-        self.velocity = self.acceleration = 0.0
+        self.velocity, self.acceleration = 0.0, math.inf
         self.slower = 1.0
         self.queued = False
 
@@ -51,7 +53,7 @@ class _Course:
     def start(self) -> float:
         """Where the next setpoint begins: the last target, at first the actual position [m]."""
         counts = self.channel.position if self.end is None else self.end
-        return counts * self.channel.axis.scale.increment
+        return counts * self.channel.axis.increment
 
     @property
     def is_done(self) -> bool:
@@ -59,13 +61,13 @@ class _Course:
         if self.end is None:
             return True
         channel, settings = self.channel, self.channel.axis.settings
-        near = max(NEAR, settings.position_window) / channel.axis.scale.increment
+        near = max(NEAR, settings.position_window) / channel.axis.increment
         reached = bool(channel.valid and channel.statusword & Status.TARGET_REACHED)
         return reached and abs(channel.position - self.end) <= near
 
     def take(self, setpoint: Setpoint, velocity: float, acceleration: float, queued: bool) -> None:
         """Notes a setpoint that the drive has taken [m/s, m/s^2], and how long it may take."""
-        way = abs(setpoint.end - self.channel.position) * self.channel.axis.scale.increment
+        way = abs(setpoint.end - self.channel.position) * self.channel.axis.increment
         turning = 2 * self.velocity / acceleration + self.velocity**2 / (acceleration * velocity)
         moving = way / velocity + setpoint.duration + turning
         seconds = self.slower * moving + SETTLING_TIMEOUT
@@ -92,7 +94,7 @@ class ProfileMoves:
         self._cycle = cycle
         self._power = power
         self._velocity, self._acceleration = velocity, acceleration
-        self._courses = {c.axis.name: _Course(c) for c in cycle.channels}
+        self._courses = {c: _Course(c) for c in cycle.channels}
 
     def to(
         self,
@@ -126,8 +128,8 @@ class ProfileMoves:
             ConfigurationError: no such axis, or relative targets count from elsewhere (0x60F2).
             AxisFault: the drive does not take the target, or an axis faults.
         """
-        course = self._course(axis)
-        channel = course.channel
+        channel = self._cycle.channel(axis)
+        course = self._courses[channel]
         speed = self._velocity if velocity is None else velocity
         rate = self._acceleration if acceleration is None else acceleration
         queued = (queued or passing) and course.end is not None
@@ -181,7 +183,7 @@ class ProfileMoves:
                     course.seconds, course.queued = 0.0, False
                 return
         late = next(w for w in courses if not w.is_done)
-        increment = late.channel.axis.scale.increment
+        increment = late.channel.axis.increment
         raise AxisFault(
             f"target {(late.end or 0) * increment:.9g} m is not reached within {timeout:.3g} s, it "
             f"is at {late.channel.position * increment:.9g} m "
@@ -195,14 +197,7 @@ class ProfileMoves:
         Raises:
             AxisFault: an axis faults or does not come to rest.
         """
-        slowest = max(
-            (
-                w.slower * w.velocity / w.acceleration
-                for w in self._courses.values()
-                if w.end is not None
-            ),
-            default=0.0,
-        )
+        slowest = max(w.slower * w.velocity / w.acceleration for w in self._courses.values())
         brake(self._cycle, 10 * slowest + HOLDING_TIMEOUT)
         self.halted = True
 
@@ -226,18 +221,9 @@ class ProfileMoves:
         if not self.halted:
             self.wait()
         for course in self._courses.values():
-            if (
-                course.end is not None
-            ):  # 0x607A may hold a distance, which csp would take for a position
+            # 0x607A may hold a distance, which csp would take for a position
+            if course.end is not None:
                 course.channel.target = course.channel.position if self.halted else course.end
-
-    def _course(self, axis: str) -> _Course:
-        course = self._courses.get(axis)
-        if course is None:
-            raise ConfigurationError(
-                f"no such axis (there are {', '.join(self._courses)})", axis=axis
-            )
-        return course
 
     def _check_enabled(self) -> None:
         for channel in self._cycle.channels:
@@ -246,16 +232,8 @@ class ProfileMoves:
 
 def _check_base(channel: Channel) -> None:
     """Checks that relative targets count from the previous target, as the limits assume."""
-    node = channel.axis.node
-    if not node.offers(od.POSITIONING_OPTION):
-        return
-    try:
-        held = node.read(od.POSITIONING_OPTION)
-    except NodeError as refused:
-        if refused.abort_code is None:
-            raise
-        return
-    if held & _FROM_TARGET:
+    held = channel.axis.node.read_if_offered(od.POSITIONING_OPTION)
+    if held is not None and held & _FROM_TARGET:
         raise ConfigurationError(
             f"0x{held:04X}: relative targets do not count from the previous target",
             axis=channel.axis.name, obj=od.POSITIONING_OPTION,

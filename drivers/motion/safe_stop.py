@@ -10,7 +10,8 @@ from drivers.cyclic import Cycle
 from drivers.drive import Command
 from drivers.errors import AxisFault, BusError
 from drivers.motion.fault_report import complete, gather
-from drivers.motion.power import Power
+from drivers.motion.power import HOLDING_TIMEOUT, Power
+from drivers.motion.standstill import halt
 
 RETRY_TIME, RETRY_PAUSE = 0.6, 0.01
 """Where the bus refuses frames, a stop is repeated for so long at these intervals [s]: the bus may
@@ -45,6 +46,15 @@ class SafeStop:
         """
         self._power.quick_stop(self.braking_time + REACTION)
         self._power.switch_off()
+
+    def halt(self) -> None:
+        """Stops all axes by controlword bit 8 (0x605D); they stay enabled.
+
+        Raises:
+            AxisFault: an axis does not come to rest; all are stopped.
+        """
+        with self.on_failure():
+            halt(self._cycle, 10 * self.braking_time + HOLDING_TIMEOUT)
 
     def disable(self) -> None:
         """Ramps the force offsets to 0, then switches the power of all axes off.
@@ -109,9 +119,9 @@ class SafeStop:
             if channel is None:
                 self.stop()
                 raise
-            evidence = gather(channel)  # before the stop sends commands of its own
+            report = gather(channel)  # before the stop sends commands of its own
             self.stop()
-            raise complete(problem, channel, evidence) from problem
+            raise complete(problem, channel, report) from problem
         except BaseException:
             self.stop()
             raise

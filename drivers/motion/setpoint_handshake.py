@@ -62,7 +62,7 @@ def hand_over(
         _wait(cycle, channel, acknowledge, True, HANDSHAKE_TIMEOUT, "did not acknowledge")
     except AxisFault as unanswered:
         # some drives move without acknowledging; one that does neither has not taken the target
-        near = round(NEAR / channel.axis.scale.increment)
+        near = round(NEAR / channel.axis.increment)
         moved = (
             abs(channel.position - before) > near or abs(channel.position - setpoint.end) <= near
         )
@@ -89,7 +89,7 @@ def await_target(cycle: Cycle, channel: Channel, setpoint: Setpoint, timeout: fl
     Raises:
         AxisFault: the target is not reached in time, or the axis faults.
     """
-    near = round(NEAR / channel.axis.scale.increment)
+    near = round(NEAR / channel.axis.increment)
     was_clear = False
     for _ in _samples(cycle, channel, timeout):
         if not channel.statusword & Status.TARGET_REACHED:

@@ -34,7 +34,7 @@ def halt(cycle: Cycle, timeout: float) -> None:
     for channel in cycle.channels:
         channel.stand_still()
         channel.controlword &= ~int(Control.HALT)
-    cycle.resume()
+    cycle.sync.resume()
     cycle.exchange()
 
 
@@ -62,5 +62,5 @@ def _moved(cycle: Cycle, recent: Iterable[tuple[int, ...]]) -> list[Channel]:
     return [
         c
         for p, c in zip(zip(*recent, strict=True), cycle.channels, strict=True)
-        if max(p) - min(p) > REST_BAND / c.axis.scale.increment
+        if max(p) - min(p) > REST_BAND / c.axis.increment
     ]

@@ -78,7 +78,7 @@ def _figures(budget: BusBudget) -> dict[str, Any]:
     return {
         "sync_period": budget.sync_period, "bitrate": budget.bitrate,
         "frames": [
-            {"name": x.name, "count": x.count, "bytes": x.data_bytes, "bits_worst": x.worst,
+            {"name": x.name, "count": 1, "bytes": x.data_bytes, "bits_worst": x.worst,
              "bits_least": x.least}
             for x in budget.lines
         ],

@@ -23,7 +23,6 @@ import subprocess
 import sys
 import threading
 import uuid
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,13 +30,10 @@ import can
 import numpy as np
 import pytest
 
-from drivers.canopen import Tap
 from drivers.cyclic import RealTime
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
-from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
-from stagedata import Samples
 from tests.multicast import require_multicast
 
 START = (-5e-4, -4e-4)
@@ -68,16 +64,16 @@ class Rig:
     virtual_time: bool
 
     @property
-    def guest(self) -> bool:
+    def guest(self):
         """Whether host and drives share the one processor of a guest, which waits for its own."""
         return self.bus.sync_period == GUEST_PERIOD
 
     @property
-    def period(self) -> float:
+    def period(self):
         """Ts [s]."""
         return self.bus.sync_period
 
-    def arrived_within(self, lockstep: float) -> float:
+    def arrived_within(self, lockstep):
         """How near an axis at rest is to its setpoint [m], `lockstep` where no SYNC is late.
 
         In real time it is the position window (0x6067), within which the drive itself calls a
@@ -86,15 +82,15 @@ class Rig:
         """
         return lockstep if self.virtual_time else min(a.position_window for a in self.axes)
 
-    def undisturbed(self, samples: Samples) -> np.ndarray:
+    def undisturbed(self, samples):
         """bool[K]: the SYNC went out in time, one period after the one before, and all answered."""
         apart = np.diff(samples.time, prepend=samples.time[0] - self.period) / self.period
-        clean: np.ndarray = samples.valid.all(axis=1) & ~samples.late & (np.abs(apart - 1) < 0.1)
+        clean = samples.valid.all(axis=1) & ~samples.late & (np.abs(apart - 1) < 0.1)
         if self.virtual_time:
             assert clean.all()
         return clean
 
-    def attempts(self, samples_of: Callable[[], Samples], rows: int) -> Iterator[Samples]:
+    def attempts(self, samples_of, rows):
         """Streams until the first `rows` of one are undisturbed; the others are no evidence."""
         for _ in range(20):
             samples = samples_of()
@@ -103,19 +99,19 @@ class Rig:
                 return
         pytest.fail("twenty streams in a row were disturbed: this machine has no time")
 
-    def open(self, homing_method: int = PRESENT_POSITION, tap: Tap | None = None) -> Stage:
+    def open(self, homing_method=PRESENT_POSITION, tap=None):
         """A stage on this bus; most tests don't care where its zero is."""
         axes = [dataclasses.replace(axis, homing_method=homing_method) for axis in self.axes]
         return Stage.open(self.bus, axes, tap=tap)
 
     @contextlib.contextmanager
-    def other(self) -> Iterator[can.BusABC]:
+    def other(self):
         """Another participant's end of the same bus."""
         with can.Bus(interface=self.bus.interface, channel=self.bus.channel) as bus:
             yield bus
 
 
-def _lockstep(machine: Machine) -> Iterator[Rig]:
+def _lockstep(machine):
     from hil_sim.bus import World
     from hil_sim.stage import VirtualStage
 
@@ -125,7 +121,7 @@ def _lockstep(machine: Machine) -> Iterator[Rig]:
     yield Rig(dataclasses.replace(bus, interface="lockstep", channel=world.name), axes, True)
 
 
-def _virtual(machine: Machine) -> Iterator[Rig]:
+def _virtual(machine):
     from hil_sim.bus import serve
     from hil_sim.stage import VirtualStage
 
@@ -138,7 +134,7 @@ def _virtual(machine: Machine) -> Iterator[Rig]:
     with can.Bus(interface="virtual", channel=channel) as theirs:
         realtime = RealTime(RealTimeSettings(priority=PRIORITY))
 
-        def server() -> None:
+        def server():
             realtime.begin()
             serve(drives, theirs, stop)
 
@@ -151,7 +147,7 @@ def _virtual(machine: Machine) -> Iterator[Rig]:
         realtime.end()
 
 
-def _in_real_time(bus: BusSettings, interface: str, channel: str, period: float) -> BusSettings:
+def _in_real_time(bus, interface, channel, period):
     if period == GUEST_PERIOD:
         bus = dataclasses.replace(bus, max_missed=GUEST_MAX_MISSED)
     return dataclasses.replace(
@@ -160,14 +156,12 @@ def _in_real_time(bus: BusSettings, interface: str, channel: str, period: float)
     )  # fmt: skip
 
 
-def _priority(period: float) -> int:
+def _priority(period):
     """In a guest it would only keep the guest's own kernel threads from the processor."""
     return 0 if period == GUEST_PERIOD else PRIORITY
 
 
-def _process(
-    machine: Machine, interface: str, channel: str, period: float = REAL_TIME_PERIOD
-) -> Iterator[Rig]:
+def _process(machine, interface, channel, period=REAL_TIME_PERIOD):
     bus, axes = driver_settings(machine)
     command = [
         sys.executable, str(Path(__file__).with_name("serve.py")),
@@ -189,7 +183,7 @@ def _process(
         assert server.wait(60.0) == 0
 
 
-def _udp_multicast(machine: Machine) -> Iterator[Rig]:
+def _udp_multicast(machine):
     # Every group is heard on a port, so a port of our own keeps other runs out.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
@@ -200,14 +194,14 @@ def _udp_multicast(machine: Machine) -> Iterator[Rig]:
         yield from _process(machine, "udp_multicast", MULTICAST_GROUP)
 
 
-def _socketcan(machine: Machine) -> Iterator[Rig]:
+def _socketcan(machine):
     with Path("/proc/cpuinfo").open() as file:
         guest = "User Mode Linux" in file.read()
     period = GUEST_PERIOD if guest else REAL_TIME_PERIOD
     yield from _process(machine, "socketcan", os.environ["STAGECTL_HIL_SOCKETCAN"], period)
 
 
-RIGS: dict[str, Callable[[Machine], Iterator[Rig]]] = {
+RIGS = {
     "lockstep": _lockstep,
     "virtual": _virtual,
     "udp_multicast": _udp_multicast,
@@ -219,7 +213,7 @@ if os.environ.get("STAGECTL_HIL_SOCKETCAN"):
 IN_REAL_TIME = [pytest.param(n, marks=pytest.mark.real_time) for n in RIGS if n != "lockstep"]
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+def pytest_generate_tests(metafunc):
     """In lockstep all that the driver does; on each bus what depends on one (mark `every_bus`)."""
     if "rig" in metafunc.fixturenames:
         everywhere = metafunc.definition.get_closest_marker("every_bus") is not None
@@ -228,13 +222,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(scope="module")
-def rig(request: pytest.FixtureRequest, stage_machine: Machine) -> Iterator[Rig]:
+def rig(request, stage_machine):
     """The drives behind one kind of bus, switched on once per module."""
     yield from RIGS[request.param](stage_machine)
 
 
 @pytest.fixture
-def booted(rig: Rig) -> Iterator[Stage]:
+def booted(rig):
     """A stage on the rig, booted; whatever the test left behind is stopped and closed."""
     with rig.open() as stage:
         stage.boot()
@@ -242,7 +236,7 @@ def booted(rig: Rig) -> Iterator[Stage]:
 
 
 @pytest.fixture
-def stage(booted: Stage) -> Stage:
+def stage(booted):
     """Booted, faults of earlier tests reset, homed and enabled."""
     booted.reset_faults()
     booted.home()
@@ -250,14 +244,12 @@ def stage(booted: Stage) -> Stage:
     return booted
 
 
-def hold(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
+def hold(stage, count):
     """Setpoints that keep all axes where their setpoints are now, with their offsets."""
     return np.tile(stage.targets, (count, 1)), np.tile(stage.offsets, (count, 1))
 
 
-def travel_to(
-    stage: Stage, target: tuple[float, ...], duration: float, period: float
-) -> tuple[np.ndarray, np.ndarray]:
+def travel_to(stage, target, duration, period):
     """Setpoints of a smooth (fifth order) motion from the present targets to `target` [m]."""
     s = np.arange(1, round(duration / period) + 1) * period / duration
     shape = s**3 * (10 - 15 * s + 6 * s**2)
@@ -267,10 +259,10 @@ def travel_to(
 
 
 @pytest.fixture(name="hold")
-def _hold() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+def _hold():
     return hold
 
 
 @pytest.fixture(name="travel_to")
-def _travel_to() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+def _travel_to():
     return travel_to

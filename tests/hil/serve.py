@@ -21,12 +21,12 @@ from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import stage_settings
 
 
-def _wait_for_end(stop: threading.Event) -> None:
+def _wait_for_end(stop):
     sys.stdin.read()
     stop.set()
 
 
-def main() -> None:
+def main():
     """Serve until stdin is closed."""
     interface, channel, period, x, y, *priority = sys.argv[1:]
     RealTime(RealTimeSettings(priority=int(priority[0]) if priority else 0)).begin()

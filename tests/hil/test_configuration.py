@@ -1,6 +1,5 @@
 """Configuration at boot, written and read back: windows, option codes, a DCF."""
 
-import dataclasses
 import itertools
 
 import canopen
@@ -9,28 +8,11 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError
 from drivers.objects import ObjectRef
-from drivers.settings import OptionCodes
-from drivers.stage import Stage
 from hil_sim import CSP_DCF_PATH
-from hil_sim.bus import World
 from hil_sim.cia301 import key
-from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import parse_machine
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = itertools.count()
-
-
-def open_stage(machine, **changes):
-    """A stage on drives just switched on; axis x with these settings changed."""
-    bus, axes = driver_settings(machine)
-    world = World(f"configuration-{next(_names)}")
-    drives = VirtualStage(stage_settings(machine), seed=1)
-    drives.attach(world)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    axes = (dataclasses.replace(axes[0], **changes), *axes[1:])
-    return Stage.open(bus, axes), drives, world
+from stagectl.config.settings.package_settings import driver_settings
+from tests.lockstep import open_stage, power_up
 
 
 def held(stage, index, sub=0):
@@ -55,14 +37,6 @@ def test_windows_and_option_codes_of_the_machine_file(stage_machine):
         assert not stage.enabled
         stage.enable()
         assert stage.enabled
-
-
-@pytest.mark.parametrize(
-    "options", [{"quick_stop": 4}, {"abort_connection": 0}, {"halt": 0}, {"fault_reaction": 9}]
-)
-def test_impossible_option_codes_are_refused(options):
-    with pytest.raises(ConfigurationError, match=f"option code {next(iter(options))}: must be one"):
-        OptionCodes(**options)
 
 
 def dcf(settings, folder, **values):
@@ -144,9 +118,7 @@ def test_a_fault_after_late_syncs_names_the_stall(stage_machine, pause_ns, said)
     """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
     stage, _, world = open_stage(stage_machine)
     with stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
+        power_up(stage)
         speed = np.r_[np.linspace(0, 0.5, 100), np.full(100, 0.5), np.linspace(0.5, 0, 100)]
         position = np.array(stage.targets) + np.cumsum(speed)[:, None] * 1e-3 * [1, 0]
         count = itertools.count()

@@ -1,6 +1,5 @@
 """Doubled, missed and late frames: counted in the cycle ledger, and when they stop the stage."""
 
-import dataclasses
 import itertools
 from contextlib import contextmanager
 
@@ -9,27 +8,16 @@ import pytest
 
 from drivers.errors import BusError, ConfigurationError
 from drivers.objects import SYNC_WINDOW
-from drivers.stage import Stage
-from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
-from hil_sim.stage import VirtualStage
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = (f"ledger-{n}" for n in itertools.count())
+from tests.lockstep import open_on, power_up, switch_on
 
 
 @contextmanager
 def enabled(machine, *faults, **bus_settings):
     """A stage on a bus with these faults, held until 1 s."""
-    bus, axes = driver_settings(machine)
-    world = FaultyWorld(next(_names), f.FaultPlan(faults))
-    world.power_on(VirtualStage(stage_settings(machine), seed=1))
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name, **bus_settings)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
+    _, world = switch_on(machine, *faults, faulty=True)
+    with open_on(world, machine, bus=bus_settings) as stage:
+        power_up(stage)
         stage.idle(1.0 - world.now_ns * 1e-9)
         stage.enable()
         yield stage

@@ -1,65 +1,30 @@
 """Drives without optional features of CiA 402: they are driven, and limitations are reported."""
 
-import dataclasses
-import itertools
-import struct
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from drivers.errors import AxisFault, ConfigurationError
-from drivers.stage import Stage
-from hil_sim.bus import World
 from hil_sim.cia301 import key
-from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import load_machine
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = itertools.count()
-
-
-class Altering:
-    """A node's connection on which frames are altered on their way out."""
-
-    def __init__(self, world, alter):
-        self._world, self._alter = world, alter
-
-    @property
-    def now_ns(self):
-        return self._world.now_ns
-
-    def emit(self, can_id, data):
-        self._world.emit(can_id, self._alter(can_id, data))
-
-    def __getattr__(self, name):
-        return getattr(self._world, name)
+from tests.lockstep import open_on, power_up, switch_on
 
 
 @contextmanager
-def stage_without(*absent, alter=lambda i, d: d, booted_only=False):
+def stage_without(*absent, alter=None, booted_only=False):
     """A stage whose axis x lacks these objects, though its EDS lists them."""
     machine = load_machine()
-    world = World(f"lesser-{next(_names)}")
-    drives = VirtualStage(stage_settings(machine), seed=1)
-    drives.attach(Altering(world, alter))
+    drives, world = switch_on(machine, alter=alter)
     for k in list(drives.drives[0].dictionary.variables):
         if k >> 8 in absent:
             del drives.drives[0].dictionary.variables[k]
-    bus, axes = driver_settings(machine)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes) as stage:
-        stage.boot()
-        if not booted_only:
-            stage.home()
-            stage.enable()
+    with open_on(world, machine) as stage:
+        if booted_only:
+            stage.boot()
+        else:
+            power_up(stage)
         yield stage, drives
-
-
-def test_a_complete_drive_has_no_limitations():
-    with stage_without() as (stage, _):
-        assert stage.limitations == ()
 
 
 def test_without_torque_offset_the_axis_streams_and_records_no_offset():
@@ -102,58 +67,12 @@ def test_without_torque_actual_value_force_reads_zero():
         assert (samples.statusword[:, 0] & 0x6F == 0x27).all()
 
 
-def test_without_factor_group_the_increment_is_trusted():
-    with stage_without(0x608F, 0x6091, 0x6092, 0x60A8) as (stage, _):
-        assert len(stage.limitations) == 3
-        assert all("position unit is assumed to be 1e-09 m" in x for x in stage.limitations)
-        assert len(stage.hold(0.01)) == 10
-
-
 def test_without_option_codes_and_windows_the_consequence_is_reported():
     with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
         assert any("without its host the reaction is manufacturer" in x for x in stage.limitations)
         assert any("does not monitor the following error" in x for x in stage.limitations)
         stage.halt()
         assert stage.enabled
-
-
-class NoAcknowledge:
-    """Takes bit 12 out of the TPDO, once homing, where it says something else, is over."""
-
-    def __init__(self):
-        self.active = False
-
-    def __call__(self, can_id, data):
-        if self.active and can_id == 0x181 and len(data) == 8:
-            return struct.pack("<H", struct.unpack_from("<H", data)[0] & ~0x1000) + data[2:]
-        return data
-
-
-def test_pp_without_bit_12_arrives_and_is_reported():
-    alter = NoAcknowledge()
-    with stage_without(alter=alter) as (stage, _):
-        alter.active = True
-        target = stage.targets[0] + 1e-3
-        stage.move_to("x", target, velocity=0.05, acceleration=1.0)
-        assert stage.positions[0] == pytest.approx(target, abs=2e-6)
-        assert stage.limitations == (
-            "axis x: statusword bit 12 in pp is not offered: setpoints are not acknowledged",
-        )
-
-
-def test_pp_without_bit_12_and_without_motion_is_a_fault():
-    alter = NoAcknowledge()
-    with stage_without(alter=alter) as (stage, drives):
-        alter.active = True
-        act = drives.drives[0].dictionary.on_write[key(0x6040)]
-        # deaf to bit 4: nothing is ever taken
-        drives.drives[0].dictionary.on_write[key(0x6040)] = lambda word: act(word & ~0x10)
-        drives.drives[0].pdo.start()  # its RPDOs look for what acts on a write only then
-        target = stage.targets[0] + 1e-3
-        with pytest.raises(
-            AxisFault, match=r"^axis x: 0x607A:00 .*the drive did not acknowledge setpoint"
-        ):
-            stage.move_to("x", target, velocity=0.05, acceleration=1.0)
 
 
 def test_a_fault_merges_all_that_is_known():
@@ -182,8 +101,8 @@ def test_a_fault_merges_all_that_is_known():
     assert report.error_code == 0x7305
     assert report.error_register == 0x21
     assert report.history[0] == 0x7305
-    assert report.evidence.emergencies == (0x7305,)
-    assert report.evidence.controlwords[-1] == 0x0F
+    assert report.emergencies == (0x7305,)
+    assert report.controlwords[-1] == 0x0F
 
 
 def test_halt_holds_where_it_comes_to_rest():

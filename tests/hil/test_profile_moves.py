@@ -1,20 +1,12 @@
 """Moves by the drive's own profile: relative, queued, changed on the way, halted."""
 
-import dataclasses
-import itertools
 import struct
 
 import numpy as np
 import pytest
 
-from drivers.errors import AxisFault, ConfigurationError, LimitError
-from drivers.stage import Stage
-from hil_sim.bus import World
-from hil_sim.stage import VirtualStage
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = itertools.count()
-Frame = tuple[int, int, bytes]
+from drivers.errors import AxisFault
+from tests.lockstep import open_stage, power_up
 
 
 @pytest.fixture
@@ -24,15 +16,8 @@ def frames():
 
 @pytest.fixture
 def stage(stage_machine, frames):
-    bus, axes = driver_settings(stage_machine)
-    world = World(f"profile-{next(_names)}")
-    VirtualStage(stage_settings(stage_machine), seed=1).attach(world)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes, tap=lambda *f: frames.append(f)) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
+    with open_stage(stage_machine, tap=lambda *f: frames.append(f))[0] as stage:
+        power_up(stage)
         frames.clear()
         yield stage
 
@@ -47,15 +32,6 @@ def handed_over(frames):
                 edges.append((time_ns, target, word))
             before = word
     return edges
-
-
-def test_relative_to_the_actual_position(stage, frames):
-    start = stage.targets[0]
-    stage.move_to("x", 1e-3, velocity=0.05, acceleration=1.0, relative=True)
-    assert stage.targets[0] - start == pytest.approx(1e-3, abs=2e-6)
-    ((_, target, word),) = handed_over(frames)
-    assert target == 1_000_000
-    assert word & 0x70 == 0x70  # new set-point, at once, relative
 
 
 @pytest.mark.parametrize("relative", [False, True])
@@ -75,61 +51,6 @@ def test_setpoints_queue_in_the_drive(stage, frames, relative):
     ]  # fmt: skip
     far = max(positions[: len(positions) // 2])
     assert far * 1e-9 - start == pytest.approx(2e-3, abs=5e-5)  # each is reached
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"position": 0.16}, r"0x607D:02 .*target 0\.16 m is above the limit 0\.15 m"),
-        ({"position": [0.01, -0.2]}, r"0x607D:01 .*target 2: target -0\.2 m is below the limit"),
-        ({"position": [0.1, 0.1], "relative": True}, r"0x607D:02 .*target 2: "),
-        ({"position": 0.0, "velocity": 1.5}, r"0x6081:00 .*1\.5 is not in \(0, 1\]"),
-        ({"position": 0.0, "acceleration": 0}, r"0x6083:00 .*0 is not in \(0, 10\]"),
-        ({"position": []}, r"0x607A:00 .*no target given"),
-    ],
-)
-def test_the_limit_is_named_and_nothing_is_sent(stage, frames, arguments, message):
-    with pytest.raises(LimitError, match="^axis x: " + message):
-        stage.move_to("x", **({"velocity": 0.05, "acceleration": 1.0} | arguments))
-    assert frames == []
-
-
-class OldBit10:
-    """A node's connection whose TPDO goes on showing "target reached" for so many SYNCs."""
-
-    def __init__(self, world, count):
-        self._world, self._count, self.active = world, count, False
-
-    @property
-    def now_ns(self):
-        return self._world.now_ns
-
-    def emit(self, can_id, data):
-        if self.active and can_id == 0x181 and len(data) == 8 and self._count:
-            self._count -= 1
-            data = struct.pack("<H", struct.unpack_from("<H", data)[0] | 0x400) + data[2:]
-        self._world.emit(can_id, data)
-
-    def __getattr__(self, name):
-        return getattr(self._world, name)
-
-
-def test_bit_10_of_the_previous_target_is_ignored(stage_machine):
-    bus, axes = driver_settings(stage_machine)
-    world = World(f"profile-{next(_names)}")
-    node = OldBit10(world, 30)
-    VirtualStage(stage_settings(stage_machine), seed=1).attach(node)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
-        target = stage.targets[0] + 2e-3
-        node.active = True
-        stage.move_to("x", target, velocity=0.05, acceleration=1.0)
-        assert stage.positions[0] == pytest.approx(target, abs=3e-6)
-        stage.move_to("x", target, velocity=0.05, acceleration=1.0)  # and no way at all is one, too
 
 
 def track(frames):
@@ -224,16 +145,6 @@ def test_a_halted_move_ends_where_the_axis_stands(stage):
     stage.hold(0.05)
     assert stage.positions == pytest.approx(held, abs=1e-6)
     assert held[0] - x > 0.3e-3
-
-
-def test_limits_and_names_are_checked_while_moving(stage):
-    with stage.profile_moves(**SLOW) as moves:
-        moves.to("x", 0.0)
-        with pytest.raises(LimitError, match=r"^axis x: 0x607D:02 .*target 0\.16 m is above the"):
-            moves.to("x", 0.16, relative=True)
-        with pytest.raises(ConfigurationError, match=r"axis z: no such axis \(there are x, y\)"):
-            moves.to("z", 0.0)
-    assert stage.positions[0] == pytest.approx(0.0, abs=2e-6)
 
 
 def test_an_exception_inside_the_block_stops_the_axes(stage):

@@ -1,22 +1,14 @@
 """Stopping a stage that is only partly reached: faults on the bus, in virtual time."""
 
-import dataclasses
-import itertools
-
-import can
 import numpy as np
 import pytest
 
 from drivers.commissioning import status_of
 from drivers.errors import AxisFault, BusError
-from drivers.stage import Stage
-from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
-from hil_sim.stage import VirtualStage
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
+from tests.lockstep import open_stage, power_up
 
-_names = (f"under-faults-{n}" for n in itertools.count())
 RPDO_Y = f.Frames(frozenset({0x202}), "host", after=1.0)
 SYNC = f.Frames(frozenset({0x080}), "host", after=1.0)
 
@@ -25,15 +17,8 @@ class Bench:
     """A stage enabled on a faulty bus; its faults begin at 1 s."""
 
     def __init__(self, machine, *faults):
-        bus, axes = driver_settings(machine)
-        self.world = FaultyWorld(next(_names), f.FaultPlan(faults))
-        self.drives = VirtualStage(stage_settings(machine), seed=1, start=(-5e-4, -4e-4))
-        self.world.power_on(self.drives)
-        bus = dataclasses.replace(bus, interface="lockstep", channel=self.world.name)
-        self.stage = Stage.open(bus, [dataclasses.replace(axis, homing_method=37) for axis in axes])
-        self.stage.boot()
-        self.stage.home()
-        self.stage.enable()
+        self.stage, self.drives, self.world = open_stage(machine, *faults, start=(-5e-4, -4e-4))
+        power_up(self.stage)
         self.stage.idle(0.99 - self.now)
         self.stage.enable()  # takes the cycle up again
 
@@ -173,53 +158,3 @@ def test_drives_that_all_fall_silent_are_stopped_without_a_long_wait(bench):
     assert stage.now < 1.0 + 5.0  # two nodes, each asked once in earnest
     assert bytes.fromhex("2b40600000000000") in received  # disable voltage: it may still listen
     assert stage.enabled == []
-
-
-class Adapter:
-    """A bus whose adapter is pulled out at some time: everything raises from then on."""
-
-    def __init__(self, bus, problem):
-        self._bus, self._problem, self.gone = bus, problem, False
-        self.clock = bus.clock
-
-    def send(self, message, timeout=None):
-        if self.gone:
-            raise self._problem
-        self._bus.send(message)
-
-    def recv(self, timeout=None):
-        if self.gone:
-            raise self._problem
-        return self._bus.recv(timeout)
-
-    def __getattr__(self, name):
-        return getattr(self._bus, name)
-
-
-@pytest.mark.parametrize(
-    "problem",
-    [
-        can.CanOperationError("no such device [Error Code 19]"),
-        OSError(19, "No such device"),
-        ValueError("file descriptor cannot be a negative integer (-1)"),
-    ],
-)
-def test_a_removed_adapter_is_one_line_and_the_drives_stop(stage_machine, problem):
-    bus, axes = driver_settings(stage_machine)
-    world = World(next(_names))
-    drives = VirtualStage(stage_settings(stage_machine), seed=1, start=(-5e-4, -4e-4))
-    drives.attach(world)
-    axes = [dataclasses.replace(axis, homing_method=37) for axis in axes]
-    with can.Bus(interface="lockstep", channel=world.name) as inner:
-        adapter = Adapter(inner, problem)
-        stage = Stage.open(bus, axes, bus_object=adapter)
-        stage.boot()
-        stage.home()
-        stage.enable()
-        world.at(world.now_ns + 200_000_000, lambda: setattr(adapter, "gone", True))
-        rows = np.tile(np.array(stage.targets), (500, 1))
-        with pytest.raises(BusError, match=r"^bus virtual:stage: cyclic exchange failed: \S"):
-            stage.stream(rows, np.zeros_like(rows))
-        stage.close()
-        world.sleep_until_ns(world.now_ns + 700_000_000)
-        assert all(d.motion.state is not State.ENABLED for d in drives.drives)

@@ -4,7 +4,6 @@ The second stage receives all that the first one receives. Its frames may be kep
 that boot-up messages, SDO answers and TPDOs are tested one by one.
 """
 
-import dataclasses
 import itertools
 from contextlib import contextmanager
 from functools import partial
@@ -13,64 +12,29 @@ import numpy as np
 import pytest
 
 from drivers.errors import AxisFault, NodeError
-from drivers.stage import Stage
-from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = (f"two-devices-{n}" for n in itertools.count())
+from stagectl.config.settings.package_settings import stage_settings
+from tests.lockstep import Altered, open_stage, power_up
 
 BOOT_UP, SDO, TPDO = 0x701, 0x581, 0x181
 
 
-class Muffled:
-    """A drive's connection on which only frames with these ids get out."""
-
-    def __init__(self, world, *ids):
-        self._world, self.ids = world, set(ids)
-
-    @property
-    def now_ns(self):
-        return self._world.now_ns
-
-    def emit(self, can_id, data):
-        if can_id in self.ids and not (can_id == BOOT_UP and data != b"\0"):
-            self.say(can_id, data)
-
-    def say(self, can_id, data):
-        self._world.emit(can_id, data)
-
-    def __getattr__(self, name):
-        return getattr(self._world, name)
-
-
 @contextmanager
 def twins(machine, *heard):
-    """A stage, and a second one of which frames with the ids `heard` are heard."""
-    bus, axes = driver_settings(machine)
-    world = World(next(_names))
-    drives, others = (VirtualStage(stage_settings(machine), seed=seed) for seed in (1, 2))
-    drives.attach(world)
-    muffled = Muffled(world, *heard)
-    others.attach(muffled)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes) as stage:
+    """A stage, its drives, and the bus of second drives of which these CAN-IDs are heard."""
+    ids = set(heard)
+
+    def muffle(can_id, data):
+        return data if can_id in ids and not (can_id == BOOT_UP and data != b"\0") else None
+
+    stage, drives, world = open_stage(machine)
+    muffled = Altered(world, muffle)
+    muffled.ids = ids
+    VirtualStage(stage_settings(machine), seed=2).attach(muffled)
+    with stage:
         yield stage, drives, muffled
-
-
-@contextmanager
-def faulty(machine, *faults):
-    """A stage on a bus with these faults."""
-    bus, axes = driver_settings(machine)
-    world = FaultyWorld(next(_names), f.FaultPlan(faults))
-    world.power_on(VirtualStage(stage_settings(machine), seed=1))
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    with Stage.open(bus, axes) as stage:
-        yield stage
 
 
 @pytest.mark.parametrize(
@@ -95,7 +59,7 @@ def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine):
 
         def follow(data):
             if data == b"\0" and next(own):
-                muffled.at(muffled.now_ns + 23_000_000, partial(muffled.say, BOOT_UP, data))
+                muffled.at(muffled.now_ns + 23_000_000, partial(muffled.world.emit, BOOT_UP, data))
 
         muffled.subscribe(BOOT_UP, follow)
         with pytest.raises(NodeError, match=r"^axis x: 2 boot-up messages after one reset"):
@@ -113,9 +77,7 @@ def test_tpdos_of_two_devices_are_noticed_before_power(stage_machine):
 
 def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine):
     with twins(stage_machine) as (stage, drives, muffled):
-        stage.boot()
-        stage.home()
-        stage.enable()
+        power_up(stage)
         samples = []
         stage.sink = samples.append
         rows = np.tile(stage.targets, (100, 1))
@@ -139,10 +101,8 @@ def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine):
 
 def test_an_occasional_duplicate_frame_stops_nothing(stage_machine):
     every = f.Duplicate(f.Frames(probability=0.05), copies=2)
-    with faulty(stage_machine, every) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
+    with open_stage(stage_machine, every)[0] as stage:
+        power_up(stage)
         samples = stage.hold(1.0)
     assert samples.extra.sum() > 50
     assert samples.valid.all()
@@ -154,16 +114,15 @@ def test_late_tpdos_do_not_count_as_doubled(stage_machine, least):
     late = f.Delay(
         f.Frames(frozenset({0x181, 0x182}), "drives", after=1.5, probability=0.3), least, 2.4e-3
     )
-    with faulty(stage_machine, late) as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
+    with open_stage(stage_machine, late)[0] as stage:
+        power_up(stage)
         stage.hold(3.0)
         assert stage.enabled
 
 
 def test_a_second_sync_is_named_by_the_tpdos_of_all_axes(stage_machine):
-    with faulty(stage_machine, f.Duplicate(f.Frames(frozenset({0x80}), "host"))) as stage:
+    second = f.Duplicate(f.Frames(frozenset({0x80}), "host"))
+    with open_stage(stage_machine, second)[0] as stage:
         stage.boot()
         with pytest.raises(AxisFault, match="from the other axes: a second SYNC"):
             stage.home()

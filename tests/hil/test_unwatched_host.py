@@ -1,26 +1,18 @@
 """A drive that goes on under power when its host is lost: refused before power, or accepted."""
 
-import dataclasses
-import itertools
-from collections.abc import Callable
 from contextlib import contextmanager
 
 import pytest
 from canopen import SdoAbortedError
 
 from drivers.errors import ConfigurationError
-from drivers.stage import Stage
-from hil_sim.bus import World
-from hil_sim.cia301 import Dictionary, key
+from hil_sim.cia301 import key
 from hil_sim.cia402 import State
-from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import parse_machine
-from stagectl.config.settings.package_settings import driver_settings, stage_settings
-
-_names = (f"unwatched-{n}" for n in itertools.count())
+from stagectl.config.settings.package_settings import driver_settings
+from tests.lockstep import open_on, power_up, switch_on
 
 CONSUMER, REACTION = key(0x1016, 1), key(0x6007)
-Change = Callable[[Dictionary], object]
 
 
 def refusing(code):
@@ -38,18 +30,6 @@ def refuses_consumer(drive):
     drive.check[CONSUMER] = refusing(0x06090030)
 
 
-def forgets_consumer(drive):
-    drive.live[CONSUMER] = lambda: 0
-
-
-def watches_none(drive):
-    drive.live[key(0x1016, 0)] = lambda: 0
-
-
-def keeps_no_action(drive):
-    drive.live[REACTION] = lambda: 0
-
-
 def holds_no_action(drive):
     drive.values[REACTION] = 0
     drive.check[REACTION] = refusing(0x06010002)
@@ -58,9 +38,6 @@ def holds_no_action(drive):
 UNWATCHED = {
     "absent": (without_consumer, "0x1016:01 consumer heartbeat time.* is not offered: "),
     "refused": (refuses_consumer, "0x1016:01 consumer heartbeat time.* refused.*0x06090030"),
-    "not kept": (forgets_consumer, "0x1016:01 consumer heartbeat time.* is 0, not "),
-    "count 0": (watches_none, "0x1016:01 consumer heartbeat time.*0x1016:00 .* is 0: "),
-    "no action": (keeps_no_action, "0x6007:00 abort connection option.* is 0, not 3: "),
     "no action, read-only": (
         holds_no_action,
         "0x6007:00 abort connection option.* is 0, not 3 .*refused",
@@ -76,15 +53,9 @@ def unwatched(request):
 @contextmanager
 def opened(machine, change=lambda d: None, **settings):
     """A stage whose drive x was changed; axis x with these settings."""
-    bus, axes = driver_settings(machine)
-    world = World(next(_names))
-    drives = VirtualStage(stage_settings(machine), seed=1)
-    drives.attach(world)
+    drives, world = switch_on(machine)
     change(drives.drives[0].dictionary)
-    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
-    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
-    axes = (dataclasses.replace(axes[0], **settings), *axes[1:])
-    with Stage.open(bus, axes) as stage:
+    with open_on(world, machine, **settings) as stage:
         yield stage, drives, world
 
 
@@ -110,9 +81,7 @@ def test_an_accepted_unwatched_host_is_powered_and_reported(stage_machine, unwat
 
 def test_the_drive_goes_on_without_its_host_as_reported(stage_machine):
     with opened(stage_machine, without_consumer, unwatched_host=True) as (stage, drives, world):
-        stage.boot()
-        stage.home()
-        stage.enable()
+        power_up(stage)
         world.sleep_until_ns(world.now_ns + 2_000_000_000)  # nothing of the host meanwhile
         states = [drive.motion.state for drive in drives.drives]
     assert states == [State.ENABLED, State.SWITCH_ON_DISABLED]
@@ -130,18 +99,6 @@ def test_an_eds_without_the_object_is_refused(stage_machine, tmp_path):
         pytest.raises(ConfigurationError, match=r"^axis x: 0x1016:01 .*: is not offered: "),
     ):
         stage.boot()
-
-
-def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine):
-    def faults(drive):
-        drive.values[REACTION] = 1
-        drive.check[REACTION] = refusing(0x06010002)
-
-    with opened(stage_machine, faults) as (stage, _, _):
-        stage.boot()
-        (clause,) = stage.limitations
-        assert " is 1, not 3 (" in clause
-        assert clause.endswith("without its host it faults")
 
 
 def test_a_released_drive_is_pre_operational(stage_machine):

@@ -12,6 +12,7 @@ from drivers.stage import Stage
 from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
+from tests.lockstep import power_up
 
 
 def test_virtual_stage_is_ready_to_stream(virtual_stage, hold):
@@ -60,9 +61,7 @@ def run(machine, seed, travel_to, hold):
         Stage.open(bus, axes, tap=tap, bus_object=opened) as stage,
     ):
         stage.sink = lambda sample: samples.update(repr(sample).encode())
-        stage.boot()
-        stage.home()
-        stage.enable()
+        power_up(stage)
         stage.stream(*travel_to(stage, (2e-3, -1e-3), 0.2, 1e-3))
         stage.stream(*hold(stage, 100))
     return frames.hexdigest(), samples.hexdigest()

@@ -6,9 +6,6 @@ stands and not moved: setpoints are its actual position. A missing optional feat
 offered", a refusal with an abort code other than the standard's "differs"; neither is a failure.
 """
 
-from __future__ import annotations
-
-from drivers.commissioning.conformance.examination import run
-from drivers.commissioning.conformance.probe import Finding, Verdict
-
-__all__ = ["Finding", "Verdict", "run"]
+from drivers.commissioning.conformance.examination import run as run
+from drivers.commissioning.conformance.probe import Finding as Finding
+from drivers.commissioning.conformance.probe import Verdict as Verdict

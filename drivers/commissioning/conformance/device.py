@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from drivers.commissioning.conformance.probe import STATE_TIMEOUT, Check, Probe
+from functools import partial
+
+from drivers.commissioning.conformance.probe import Probe
 from drivers.drive import TRANSITIONS, Command, State, Status, next_command
 
 _FAULT_OPTION = 1
@@ -20,17 +22,13 @@ def _transitions(probe: Probe, with_power: bool) -> None:
             continue
         name = f"transition {number}: {origin} to {after} ({command.name.lower()})"
         if not _lead(probe, origin):
-            if origin is State.QUICK_STOP_ACTIVE and probe.state() is State.SWITCH_ON_DISABLED:
-                # with option codes 0..4 the drive leaves by itself, which also is transition 12
-                probe.expect(name, True, "")
-            else:
-                probe.expect(name, False, f"{origin} not reached: {probe.shown()}")
+            # with option codes 0..4 the drive leaves by itself, which also is transition 12
+            left = origin is State.QUICK_STOP_ACTIVE and probe.state() is State.SWITCH_ON_DISABLED
+            probe.expect(name, left, "" if left else f"{origin} not reached: {probe.shown()}")
             continue
         probe.control(command)
-        ends = [after]
-        if after is State.QUICK_STOP_ACTIVE:
-            ends.append(State.SWITCH_ON_DISABLED)
-        probe.expect(name, probe.wait(lambda e=ends: probe.state() in e, STATE_TIMEOUT))  # type: ignore[misc]
+        by_itself = (State.SWITCH_ON_DISABLED,) if after is State.QUICK_STOP_ACTIVE else ()
+        probe.expect(name, probe.reaches(after, *by_itself))
 
 
 def _lead(probe: Probe, state: State) -> bool:
@@ -44,9 +42,8 @@ def _lead(probe: Probe, state: State) -> bool:
         if command is None:
             return False
         probe.control(command)
-        expected = TRANSITIONS[present, command][1]
-        if not probe.reaches(expected):
-            return probe.state() is state
+        if not probe.reaches(TRANSITIONS[present, command][1]):
+            break
     return probe.state() is state
 
 
@@ -79,7 +76,7 @@ def modes(probe: Probe) -> None:
         probe.expect(f"0x6061 shows {_MODES[mode]} ({mode})", shown, f"shows {probe.read(0x6061)}")
     last = probe.read(0x6061)
     for mode in (m for m in _MODES if m not in offered):
-        code = probe.abort_code(lambda m=mode: probe.write(0x6060, 0, m))  # type: ignore[misc]
+        code = probe.abort_code(partial(probe.write, 0x6060, 0, mode))
         probe.network.pump(_QUIET)
         held = probe.read(0x6061) != mode
         name = f"{_MODES[mode]} ({mode}), not in 0x6502, is not entered"
@@ -121,7 +118,7 @@ def fault(probe: Probe) -> None:
     probe.control(Command.ENABLE_OPERATION | Command.FAULT_RESET)
     probe.expect_state("bit 7 with enable operation changes nothing", State.OPERATION_ENABLED)
     probe.watch_another_host()
-    faulted = probe.reaches(State.FAULT, 3.0)
+    faulted = probe.reaches(State.FAULT, timeout=3.0)
     probe.expect("heartbeat lost while enabled: FAULT", faulted)
     probe.write(0x1016, 1, 0)
     if not faulted:
@@ -144,11 +141,6 @@ def fault(probe: Probe) -> None:
         probe.expect_state(name, State.FAULT)
     probe.control(Command.DISABLE_VOLTAGE)
     probe.control(Command.FAULT_RESET)
-    probe.expect(
-        "the rising edge of bit 7 does (transition 15)", probe.reaches(State.SWITCH_ON_DISABLED)
-    )
+    reset = probe.reaches(State.SWITCH_ON_DISABLED)
+    probe.expect("the rising edge of bit 7 does (transition 15)", reset)
     probe.expect("0x1001 is clear again", not probe.read(0x1001) & 1, "generic bit is 1")
-
-
-GROUPS: list[tuple[str, Check]] = [("states", states), ("modes", modes)]
-POWER_GROUPS: list[tuple[str, Check]] = [("states, enabled", powered_states), ("fault", fault)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from functools import partial
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
@@ -11,6 +11,25 @@ from drivers.canopen import Network
 from drivers.commissioning.conformance import communication, device, motion
 from drivers.commissioning.conformance.probe import Finding, Probe
 from drivers.errors import NodeError
+
+_GROUPS: list[tuple[str, Callable[[Probe], object]]] = [
+    ("identity", communication.identity),
+    ("abort codes", communication.abort_codes),
+    ("NMT", communication.network_management),
+    ("PDO", communication.mapping),
+    ("states", device.states),
+    ("modes", device.modes),
+]
+_POWER_GROUPS: list[tuple[str, Callable[[Probe], object]]] = [
+    ("states, enabled", device.powered_states),
+    ("fault", device.fault),
+    ("settings", motion.settings),
+    ("profile position", motion.profile_position),
+    ("profile velocity", motion.profile_velocity),
+    ("csp", partial(motion.follow, mode=motion.CSP)),
+    ("csv", partial(motion.follow, mode=motion.CSV)),
+    ("homing", motion.homing_bits),
+]
 
 
 def run(
@@ -33,19 +52,15 @@ def run(
         NodeError: the node does not answer at all.
         BusError: the bus fails.
     """
-    groups = [*communication.GROUPS, *device.GROUPS]
-    if power:
-        groups += [*device.POWER_GROUPS, *motion.GROUPS]
+    groups = _GROUPS + (_POWER_GROUPS if power else [])
     if power and homing:
-        groups += motion.HOMING_GROUPS
+        groups.append(("homing run", motion.homing_run))
     probe = Probe(network, node, on_finding)
     try:
         try:
-            probe.read(0x1000)
+            probe.offers(0x1000)
         except SdoCommunicationError as silence:
             raise NodeError(f"node {node} does not answer SDO") from silence
-        except SdoAbortedError:
-            pass  # the first check reports it
         for name, check in groups:
             probe.group = name
             try:
@@ -65,8 +80,7 @@ def _restore(probe: Probe) -> None:
     """Disables the drive and restores its values; what it does not accept is a finding."""
     try:
         probe.nmt(128)
-        with suppress(SdoAbortedError):
-            probe.off()
+        probe.abort_code(probe.off)
         refused = probe.restore()
     except SdoCommunicationError:
         refused = ["no SDO answer"] if probe.changed else []

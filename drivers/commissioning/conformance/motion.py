@@ -6,16 +6,13 @@ Setpoints are the actual position: nothing is meant to move.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from drivers.commissioning.conformance.probe import Check, Probe, Verdict
-from drivers.drive import Command, Control, State, Status
+from drivers.commissioning.conformance.probe import Probe, Verdict
+from drivers.drive import Command, Control, State
 
 _ENABLED = int(Command.ENABLE_OPERATION)
-_REACHED, _BIT_12, _BIT_13 = (
-    int(Status.TARGET_REACHED),
-    int(Status.SETPOINT_ACKNOWLEDGED),
-    int(Status.HOMING_ERROR),
-)
+_REACHED, _BIT_12, _BIT_13 = (1 << n for n in (10, 12, 13))
 _OFF = 0xFFFFFFFF
 _HANDSHAKE = 0.5
 _VELOCITY = 0x60FF
@@ -32,8 +29,8 @@ class _Mode:
 
 
 _PP, _PV = _Mode(1, "profile position", "pp"), _Mode(3, "profile velocity", "pv", True)
-_CSP = _Mode(8, "cyclic synchronous position", "mode 8")
-_CSV = _Mode(9, "cyclic synchronous velocity", "mode 9", True)
+CSP = _Mode(8, "cyclic synchronous position", "mode 8")
+CSV = _Mode(9, "cyclic synchronous velocity", "mode 9", True)
 _HM = _Mode(6, "homing", "hm")
 
 
@@ -59,7 +56,7 @@ def settings(probe: Probe) -> None:
         if not probe.offers(index, sub):
             probe.absent(label)
             continue
-        code = probe.abort_code(lambda i=index, s=sub, v=value: probe.change(i, s, v))  # type: ignore[misc]
+        code = probe.abort_code(partial(probe.change, index, sub, value))
         held = probe.read(index, sub)
         if code is not None:
             probe.note(label, Verdict.DIFFERS, f"{value} refused, abort 0x{code:08X}")
@@ -95,8 +92,7 @@ def profile_position(probe: Probe) -> None:
     else:
         probe.note("bit 12 rises with bit 4", Verdict.PASS)
         probe.network.pump(0.1)
-        stays = bool(probe.statusword() & _BIT_12)
-        probe.expect("bit 12 stays set as long as bit 4", stays)
+        probe.expect("bit 12 stays set as long as bit 4", bool(probe.statusword() & _BIT_12))
         probe.control(now)
         probe.expect("bit 12 falls with bit 4", probe.shows(_BIT_12, 0, _HANDSHAKE))
     probe.control(now)
@@ -120,17 +116,8 @@ def profile_velocity(probe: Probe) -> None:
         probe.expect("at 0: bit 10 reached, bit 12 speed zero", probe.shows(both, both, 2.0))
 
 
-def cyclic_velocity(probe: Probe) -> None:
-    """Target velocity 0 in csv: the drive follows the command value."""
-    _follow(probe, _CSV)
-
-
-def cyclic_position(probe: Probe) -> None:
-    """Actual position as target in csp: the drive follows the command value."""
-    _follow(probe, _CSP)
-
-
-def _follow(probe: Probe, mode: _Mode) -> None:
+def follow(probe: Probe, mode: _Mode) -> None:
+    """Actual position as target in csp, velocity 0 in csv: the drive follows the command value."""
     if not _is_offered(probe, mode):
         return
     if probe.offers(0x60C2, 1):
@@ -158,11 +145,10 @@ def homing_run(probe: Probe) -> None:
     """Homing at the present position: bits 13, 12, 10 end as 0, 1, 1; start bit cleared."""
     if not _is_offered(probe, _HM):
         return
-    method = next(
-        (m for m in (37, 35) if probe.abort_code(lambda m=m: probe.change(0x6098, 0, m)) is None),  # type: ignore[misc]
-        None,
-    )
-    if method is None:
+    for method in (37, 35):
+        if probe.abort_code(partial(probe.change, 0x6098, 0, method)) is None:
+            break
+    else:
         probe.absent("homing at the present position", "methods 37 and 35")
         return
     if not _is_enabled(probe, _HM):
@@ -172,16 +158,4 @@ def homing_run(probe: Probe) -> None:
     probe.expect(f"method {method}: bits 13, 12, 10 become 0, 1, 1", done)
     probe.control(_ENABLED)
     probe.network.pump(0.05)
-    still = not probe.statusword() & _BIT_13
-    probe.expect("clearing the start bit is no error", still)
-
-
-GROUPS: list[tuple[str, Check]] = [
-    ("settings", settings),
-    ("profile position", profile_position),
-    ("profile velocity", profile_velocity),
-    ("csp", cyclic_position),
-    ("csv", cyclic_velocity),
-    ("homing", homing_bits),
-]
-HOMING_GROUPS: list[tuple[str, Check]] = [("homing run", homing_run)]
+    probe.expect("clearing the start bit is no error", not probe.statusword() & _BIT_13)

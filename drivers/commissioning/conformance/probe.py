@@ -16,9 +16,6 @@ from canopen import SdoAbortedError
 from drivers.canopen import Network, SdoChannel, error_text
 from drivers.drive import Command, State, decode
 
-Check = Callable[["Probe"], object]
-
-ABSENT_OBJECT, ABSENT_SUB = 0x06020000, 0x06090011
 _CODES = {
     **dict.fromkeys((0x6060, 0x6061, 0x6098), "b"),
     **dict.fromkeys((0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6077, 0x60B2), "h"),
@@ -79,6 +76,7 @@ class Probe:
         on_finding: called with each finding as it is made.
 
     Attributes:
+        channel: SDO access to its objects.
         group: name of the present group, for findings.
         findings: made so far.
         emergencies: EMCY codes received.  beats: (time [ns], NMT state) of every heartbeat.
@@ -96,13 +94,13 @@ class Probe:
         self.emergencies: list[int] = []
         self.beats: list[tuple[int, int]] = []
         self.tpdos: list[tuple[int, bytes]] = []
-        self._channel = SdoChannel(network, node)
+        self.channel = SdoChannel(network, node)
         self._undo: list[Callable[[], str]] = []
-        self._subscriptions: list[tuple[int, Callable[[int, bytearray, float], None]]] = [
+        self._subscriptions = [
             (0x80 + node, self._on_emergency),
             (0x700 + node, self._on_heartbeat),
+            *((0x180 + 0x100 * n + node, self._on_tpdo) for n in range(4)),
         ]
-        self._subscriptions += [(0x180 + 0x100 * n + node, self._on_tpdo) for n in range(4)]
         for can_id, callback in self._subscriptions:
             network.subscribe(can_id, callback)
 
@@ -110,7 +108,7 @@ class Probe:
         """Stops listening."""
         for can_id, callback in self._subscriptions:
             self.network.unsubscribe(can_id, callback)
-        self._channel.detach()
+        self.channel.detach()
 
     def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) == 8:
@@ -132,22 +130,13 @@ class Probe:
             SdoAbortedError: refused.
             SdoCommunicationError: no answer.
         """
-        data = self._channel.upload(index, sub)
+        data = self.channel.upload(index, sub)
         code = code_of(index, sub)
         return int.from_bytes(data[: struct.calcsize(code)], "little", signed=code.islower())
 
-    def raw(self, index: int, sub: int = 0, block: bool = False) -> bytes:
-        """The bytes of an object, on request by block transfer; raises as `read`."""
-        channel = self._channel
-        return channel.block_upload(index, sub) if block else channel.upload(index, sub)
-
     def write(self, index: int, sub: int, value: int) -> None:
         """Writes an object; raises as `read`."""
-        self.write_raw(index, sub, struct.pack("<" + code_of(index, sub), value))
-
-    def write_raw(self, index: int, sub: int, data: bytes) -> None:
-        """Writes bytes; raises as `read`."""
-        self._channel.download(index, sub, data)
+        self.channel.download(index, sub, struct.pack("<" + code_of(index, sub), value))
 
     def change(self, index: int, sub: int, value: int) -> None:
         """Writes an object whose original value `restore` restores; raises as `read`."""
@@ -179,11 +168,7 @@ class Probe:
 
     def offers(self, index: int, sub: int = 0) -> bool:
         """Whether the object can be read."""
-        try:
-            self._channel.upload(index, sub)
-        except SdoAbortedError:
-            return False
-        return True
+        return self.abort_code(lambda: self.channel.upload(index, sub)) is None
 
     def abort_code(self, action: Callable[[], object]) -> int | None:
         """The SDO abort code of an access; None if the drive accepts it."""
@@ -244,9 +229,9 @@ class Probe:
         """Writes 0x6040."""
         self.write(0x6040, 0, word)
 
-    def reaches(self, state: State, timeout: float = STATE_TIMEOUT) -> bool:
-        """Whether the drive shows `state` within `timeout` [s]."""
-        return self.wait(lambda: self.state() is state, timeout)
+    def reaches(self, *states: State, timeout: float = STATE_TIMEOUT) -> bool:
+        """Whether the drive shows one of the states within `timeout` [s]."""
+        return self.wait(lambda: self.state() in states, timeout)
 
     def shows(self, mask: int, bits: int, timeout: float) -> bool:
         """Whether the statusword has these bits under a mask within `timeout` [s]."""

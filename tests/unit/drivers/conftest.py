@@ -183,7 +183,8 @@ class ScriptedBus(can.BusABC):
     """A python-can bus with drives behind it and a clock of its own.
 
     Attributes:
-        broken: why it refuses frames, None where it does not.
+        broken: what it raises instead of taking frames, None where it does not.
+        removed: whether it raises the same instead of delivering frames.
         mended_at: when it takes frames again [ns].
     """
 
@@ -193,13 +194,14 @@ class ScriptedBus(can.BusABC):
         self.drives: list[ScriptedDrive] = []
         self.clock = ScriptedClock(self)
         self.sent: list[tuple[int, int, bytes]] = []
-        self.broken: str | None = None
+        self.broken: Exception | None = None
+        self.removed = False
         self.mended_at: float = float("inf")
         self.queue: deque[can.Message] = deque()
 
     def send(self, msg, timeout=None):
         if self.broken is not None and self.clock.now < self.mended_at:
-            raise can.CanOperationError(self.broken)
+            raise self.broken
         data = bytes(msg.data)
         self.sent.append((self.clock.now, msg.arbitration_id, data))
         for drive in self.drives:
@@ -211,6 +213,8 @@ class ScriptedBus(can.BusABC):
         )
 
     def recv(self, timeout=None):
+        if self.removed:
+            raise self.broken
         if not self.queue and timeout:
             self.clock.sleep_until_ns(self.clock.now + round(timeout * 1e9))
         return self.queue.popleft() if self.queue else None
@@ -244,13 +248,26 @@ def scripted(axis_settings):
     for axis in axis_settings:
         bus.drives.append(ScriptedDrive(bus, axis.node, axis.rated_force))
     yield bus
-    bus.broken = None
+    bus.broken, bus.removed = None, False
     bus.shutdown()
 
 
 @pytest.fixture
-def stage(scripted, bus_settings, axis_settings):
-    """Booted on the scripted bus; not homed, not enabled."""
-    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
-        stage.boot()
-        yield stage
+def opened(scripted, bus_settings, axis_settings):
+    """A stage on the scripted bus; not booted."""
+    return Stage.open(bus_settings, axis_settings, bus_object=scripted)
+
+
+@pytest.fixture
+def stage(opened):
+    """Booted; not homed, not enabled."""
+    with opened:
+        opened.boot()
+        yield opened
+
+
+@pytest.fixture
+def enabled(stage):
+    """Booted and enabled."""
+    stage.enable()
+    return stage

@@ -3,12 +3,6 @@
 import pytest
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.stage import Stage
-
-
-@pytest.fixture
-def opened(scripted, bus_settings, axis_settings):
-    return Stage.open(bus_settings, axis_settings, bus_object=scripted)
 
 
 def nmt(scripted):
@@ -31,7 +25,7 @@ def test_opening_sends_nothing_and_booting_starts_the_nodes_last(opened, scripte
 
 def test_a_node_that_is_missing_is_named_and_no_other_is_started(opened, scripted):
     scripted.drives[1].silent = True
-    with opened, pytest.raises(NodeError, match=r"^axis y: .*node 2"):
+    with opened, pytest.raises(NodeError, match=r"^axis y: no boot-up .*from node 2 within 2 s"):
         opened.boot()
     assert 1 not in [command for command, _ in nmt(scripted)]
 
@@ -62,9 +56,13 @@ def test_two_devices_with_one_id_are_refused_after_several_attempts(opened, scri
 def test_a_second_boot_resets_and_configures_again(opened, scripted):
     with opened:
         opened.boot()
+        opened.enable()
         scripted.drives[0].objects[0x6065, 0] = 5
         resets = [c for c, _ in nmt(scripted)].count(130)
         opened.boot()
         assert [c for c, _ in nmt(scripted)].count(130) > resets
         assert scripted.drives[0].objects[0x6065, 0] == 1_000_000
         assert not opened.homed
+        assert not opened.enabled
+        opened.enable()
+        assert opened.enabled

@@ -1,11 +1,12 @@
 """Settings that cannot be are refused by name."""
 
 import dataclasses
+import math
 
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.settings import BusSettings, RealTimeSettings
+from drivers.settings import BusSettings, OptionCodes, RealTimeSettings
 
 
 @pytest.mark.parametrize(
@@ -26,29 +27,32 @@ def test_impossible_axis_settings_are_named(axis_settings, change, text):
         dataclasses.replace(axis_settings[0], **change)
 
 
-@pytest.mark.parametrize("period", [0.0, -1.0, float("inf"), 1.5e-6, 1e-7])
-def test_impossible_periods_are_named(period):
-    with pytest.raises(ConfigurationError, match="sync_period"):
-        BusSettings("virtual", "0", sync_period=period)
+def bus(**settings):
+    return BusSettings("virtual", "0", **settings)
+
+
+@pytest.mark.parametrize(
+    ("make", "changes", "text"),
+    [
+        *((bus, {"sync_period": p}, "sync_period") for p in (0.0, -1.0, math.inf, 1.5e-6, 1e-7)),
+        *((bus, {"sync_counter": n}, "sync_counter: must be 0 or 2..240") for n in (1, -1, 241)),
+        (bus, {"sync_source": "nobody"}, "sync_source"),
+        (bus, {"sync_window": 2e-3}, "sync_window"),
+        (bus, {"sync_window": 1e-6}, "sync_window"),
+        (bus, {"max_late": -1}, "max_late"),
+        (RealTimeSettings, {"priority": 100}, "realtime priority"),
+        (RealTimeSettings, {"core": -1}, "realtime core"),
+        (OptionCodes, {"quick_stop": 4}, "option code quick_stop: must be one of"),
+        (OptionCodes, {"abort_connection": 0}, "option code abort_connection: must be one of"),
+        (OptionCodes, {"halt": 0}, "option code halt: must be one of"),
+        (OptionCodes, {"fault_reaction": 9}, "option code fault_reaction: must be one of"),
+    ],
+)
+def test_impossible_settings_are_named(make, changes, text):
+    with pytest.raises(ConfigurationError, match=text):
+        make(**changes)
 
 
 def test_the_period_is_exact():
-    assert BusSettings("virtual", "0", sync_period=0.001).period_ns == 1_000_000
-    assert BusSettings("virtual", "0", sync_period=0.0025).period_us == 2500
-
-
-@pytest.mark.parametrize(
-    ("settings", "name"), [({"priority": 100}, "priority"), ({"core": -1}, "core")]
-)
-def test_impossible_real_time_settings_are_named(settings, name):
-    with pytest.raises(ConfigurationError, match=f"realtime {name}"):
-        RealTimeSettings(**settings)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"sync_source": "nobody"}, {"sync_window": 2e-3}, {"max_late": -1}, {"sync_window": 1e-6}],
-)
-def test_impossible_bus_settings_are_named(settings):
-    with pytest.raises(ConfigurationError, match=next(iter(settings))):
-        BusSettings("virtual", "x", **settings)
+    assert bus(sync_period=0.001).period_ns == 1_000_000
+    assert bus(sync_period=0.0025).period_us == 2500

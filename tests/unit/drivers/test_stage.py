@@ -2,6 +2,7 @@
 
 import struct
 
+import can
 import numpy as np
 import pytest
 
@@ -13,13 +14,12 @@ from tests.unit.drivers.conftest import power_is_off, rest
 X, Y = 0, 1
 
 
-def test_too_many_missed_tpdos_stop_all_axes(stage, scripted):
-    stage.enable()
+def test_too_many_missed_tpdos_stop_all_axes(enabled, scripted):
     scripted.drives[Y].mute_tpdo = 1_000_000
     with pytest.raises(
         AxisFault, match=r"^axis y: 0x6041:00 statusword: no process data \(TPDO 0x182\) for 6"
     ):
-        stage.stream(*rest(stage, 50))
+        enabled.stream(*rest(enabled, 50))
     assert scripted.drives[X].state is not State.OPERATION_ENABLED
     assert power_is_off(scripted)
 
@@ -58,38 +58,44 @@ def _preoperational(drive):
         (_preoperational, r"^axis x: NMT state is PRE-OPERATIONAL, not OPERATIONAL", None),
     ],
 )
-def test_a_fault_of_one_axis_stops_both_and_is_named(stage, scripted, event, text, code):
-    stage.enable()
+def test_a_fault_of_one_axis_stops_both_and_is_named(enabled, scripted, event, text, code):
     start = scripted.drives[X].syncs
     seen = []
-    stage.sink = seen.append
+    enabled.sink = seen.append
     scripted.drives[X].on_sync = lambda d, n: event(d) if n == start + 10 else None
     with pytest.raises(AxisFault, match=text) as caught:
-        stage.stream(*rest(stage, 1000))
+        enabled.stream(*rest(enabled, 1000))
     assert caught.value.code == code
     assert len(seen) == 10  # nothing is lost up to and with the cycle of the event
     assert power_is_off(scripted)
     assert scripted.drives[Y].state is not State.OPERATION_ENABLED
 
 
-def test_a_lost_heartbeat_stops_all_axes(stage, scripted):
-    stage.enable()
+def test_a_lost_heartbeat_stops_all_axes(enabled, scripted):
     scripted.drives[X].objects[0x1017, 0] = 0
     with pytest.raises(AxisFault, match=r"^axis x: heartbeat lost: node 1 silent for 0\.3"):
-        stage.stream(*rest(stage, 1000))
+        enabled.stream(*rest(enabled, 1000))
     assert power_is_off(scripted)
 
 
-def test_a_bus_error_is_named_and_close_survives_it(stage, scripted):
-    stage.enable()
-
+@pytest.mark.parametrize(
+    "problem",
+    [
+        can.CanOperationError("transmit buffer full"),
+        OSError(19, "No such device"),
+        ValueError("file descriptor cannot be a negative integer (-1)"),
+    ],
+)
+@pytest.mark.parametrize("removed", [False, True])
+def test_a_bus_error_is_named_and_close_survives_it(enabled, scripted, problem, removed):
     def snap(drive, count):
-        scripted.broken = "transmit buffer full"
+        scripted.broken, scripted.removed = problem, removed
 
     scripted.drives[X].on_sync = snap
-    with pytest.raises(BusError, match=r"^bus scripted:0: .*transmit buffer full"):
-        stage.stream(*rest(stage, 10))
-    stage.close()
+    with pytest.raises(BusError, match=r"^bus scripted:0: cyclic exchange failed: \S") as caught:
+        enabled.stream(*rest(enabled, 10))
+    assert str(problem) in str(caught.value)
+    enabled.close()
 
 
 def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage, scripted):
@@ -103,26 +109,24 @@ def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage, scripted):
     assert stage.enabled
 
 
-def test_disable_ramps_the_force_offset_to_zero_before_power_off(stage, scripted):
-    stage.enable()
-    position, offset = rest(stage, 3)
+def test_disable_ramps_the_force_offset_to_zero_before_power_off(enabled, scripted):
+    position, offset = rest(enabled, 3)
     offset[:] = 4.0
-    stage.stream(position, offset)
+    enabled.stream(position, offset)
     first = len(scripted.sent)
-    stage.disable()
+    enabled.disable()
     sent = [struct.unpack("<Hih", d) for _, i, d in scripted.sent[first:] if i == 0x201]
     offsets = [f for word, _, f in sent if word & 0xF == 0xF]
     assert offsets[-1] == 0
     assert offsets == sorted(offsets, reverse=True)
     assert max(-np.diff(offsets)) <= 3
-    assert not stage.enabled
+    assert not enabled.enabled
 
 
-def test_enable_does_not_rely_on_an_old_statusword(stage, scripted):
-    stage.enable()
+def test_enable_does_not_rely_on_an_old_statusword(enabled, scripted):
     scripted.drives[X].state = State.SWITCH_ON_DISABLED
-    stage.enable()
-    assert stage.enabled
+    enabled.enable()
+    assert enabled.enabled
     assert scripted.drives[X].state is State.OPERATION_ENABLED
 
 
@@ -136,26 +140,16 @@ def test_a_drive_that_shows_0x0000_until_the_first_controlword_is_enabled(stage,
 
 
 @pytest.mark.parametrize("problem", [KeyboardInterrupt, RuntimeError])
-def test_an_exception_in_the_application_stops_the_axes(stage, scripted, problem):
-    stage.enable()
-
+def test_an_exception_in_the_application_stops_the_axes(enabled, scripted, problem):
     def until(position):
         raise problem
 
     with pytest.raises(problem):
-        stage.stream(*rest(stage, 10), until=until)
+        enabled.stream(*rest(enabled, 10), until=until)
     assert power_is_off(scripted)
-    assert not stage.enabled
+    assert not enabled.enabled
 
 
 def test_two_axes_on_one_node_are_refused(scripted, bus_settings, axis_settings):
     with pytest.raises(ConfigurationError, match=r"axis x: node 1 already is axis x"):
         Stage.open(bus_settings, (axis_settings[0], axis_settings[0]), bus_object=scripted)
-
-
-def test_a_second_boot_configures_everything_again(stage, scripted):
-    stage.enable()
-    stage.boot()
-    assert not stage.enabled
-    stage.enable()
-    assert len(stage.stream(*rest(stage, 3))) == 3

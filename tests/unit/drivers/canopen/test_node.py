@@ -3,18 +3,8 @@
 import pytest
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.stage import Stage
 
 X, Y = 0, 1
-
-
-def test_a_missing_node_is_named(scripted, bus_settings, axis_settings):
-    scripted.drives[Y].silent = True
-    with (
-        Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
-        pytest.raises(NodeError, match=r"^axis y: no boot-up message from node 2 within 2 s"),
-    ):
-        stage.boot()
 
 
 @pytest.mark.parametrize(
@@ -29,12 +19,7 @@ def test_a_missing_node_is_named(scripted, bus_settings, axis_settings):
         ((0x6502, 0), 0x21, ConfigurationError, r"0x6502:00 .*cyclic synchronous position"),
     ],
 )
-def test_a_device_other_than_the_expected_one_is_refused(
-    scripted, bus_settings, axis_settings, key, value, error, text
-):
+def test_a_device_other_than_the_expected_one_is_refused(opened, scripted, key, value, error, text):
     scripted.drives[X].objects[key] = value
-    with (
-        Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
-        pytest.raises(error, match=text),
-    ):
-        stage.boot()
+    with opened, pytest.raises(error, match=text):
+        opened.boot()

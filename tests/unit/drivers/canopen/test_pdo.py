@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import MappedObject, PdoMapping, PdoRecord
+from drivers.canopen.pdo import TPDO, MappedObject, PdoMapping, configure_pdo, disable_pdo
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
 
@@ -112,14 +112,14 @@ class StrictNode:
 def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(cob):
     node = StrictNode(cob)
     mapping = PdoMapping((MappedObject(ObjectRef(0x6041, 0, ""), 0x06),))
-    PdoRecord.transmit(1).configure(node, 0x181, mapping)
+    configure_pdo(node, TPDO, 0x181, mapping)
     assert node.held == {
         (0x1800, 1): 0x181 | cob & 1 << 30, (0x1800, 2): 1,
         (0x1A00, 0): 1, (0x1A00, 1): 0x60410010,
     }  # fmt: skip
-    PdoRecord.transmit(1).disable(node)
+    disable_pdo(node, TPDO)
     assert node.held[0x1800, 1] >> 31 == 1
-    PdoRecord.transmit(7).disable(node)  # not offered: nothing to do
+    disable_pdo(node, TPDO + 6)  # not offered: nothing to do
 
 
 def test_the_rpdo_of_the_stage_is_laid_out_as_documented():

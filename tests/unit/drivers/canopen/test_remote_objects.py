@@ -4,9 +4,10 @@ import dataclasses
 
 import pytest
 
+from drivers import objects as od
 from drivers.canopen import load_dictionary
 from drivers.errors import ConfigurationError, NodeError
-from drivers.stage import Stage
+from drivers.objects import ObjectRef
 
 X, Y = 0, 1
 
@@ -23,33 +24,33 @@ def test_an_unusable_eds_is_named_with_the_reason(tmp_path, axis_settings):
             load_dictionary(dataclasses.replace(axis_settings[0], eds=broken))
 
 
-def test_a_value_that_reads_back_differently_is_an_error(scripted, bus_settings, axis_settings):
-    scripted.drives[Y].stuck.add((0x6065, 0))
-    with (
-        Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage,
-        pytest.raises(
-            ConfigurationError,
-            match=r"^axis y: 0x6065:00 following error window: wrote 1000000, the drive holds 0",
-        ),
-    ):
-        stage.boot()
+def test_a_value_that_reads_back_differently_is_an_error(stage, scripted):
+    scripted.drives[Y].stuck.add((0x1017, 0))
+    node = stage.axes[Y].node
+    text = r"^axis y: 0x1017:00 producer heartbeat time: wrote 70, the drive holds 100$"
+    for write in (node.write_checked, node.write_optional):
+        with pytest.raises(ConfigurationError, match=text):
+            write(od.HEARTBEAT_PRODUCER, 70)
 
 
-def test_an_sdo_abort_names_object_value_and_reason(scripted, bus_settings, axis_settings):
+@pytest.mark.parametrize(("code", "found"), [(0x06020000, None), (0x08000000, None), (0, 0x8611)])
+def test_an_optional_object_is_read_where_the_node_has_it(stage, scripted, code, found):
+    scripted.drives[X].objects[0x603F, 0] = 0x8611
+    scripted.drives[X].refuse[0x603F, 0] = code
+    assert stage.axes[X].node.read_if_offered(od.ERROR_CODE) == found
+    assert stage.axes[X].node.read_if_offered(ObjectRef(0x5FFF, 0, "")) is None
+    scripted.drives[X].silent = True
+    with pytest.raises(NodeError, match="does not answer"):
+        stage.axes[X].node.read_if_offered(od.ERROR_CODE)
+
+
+def test_an_sdo_abort_names_object_value_and_reason(opened, scripted):
     scripted.drives[X].refuse_write[0x6072, 0] = 0x06090031
-    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+    with opened:
         with pytest.raises(NodeError) as caught:
-            stage.boot()
+            opened.boot()
         assert caught.value.abort_code == 0x06090031
         assert str(caught.value) == (
             "axis x: 0x6072:00 max torque: write of 3000 refused: Value of parameter written "
             "too high (abort 0x06090031); the drive holds 0"
         )
-
-
-def test_an_optional_object_that_the_drive_lacks_is_skipped(scripted, bus_settings, axis_settings):
-    scripted.drives[X].refuse[0x6007, 0] = 0x06020000
-    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
-        stage.boot()
-        stage.enable()
-        assert stage.enabled

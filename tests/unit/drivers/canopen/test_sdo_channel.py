@@ -15,11 +15,16 @@ from drivers.objects import ObjectRef
 class Peer:
     """An SDO server that may hold its answers back; values count the reads."""
 
+    next_beat = 1 << 62
+
     def __init__(self, scripted):
         self.scripted = scripted
         self.reads = []
         self.late = []
         self.hold = lambda n: False
+
+    def tick(self, now):
+        """It sends no heartbeat."""
 
     def on_frame(self, can_id, data):
         if can_id != 0x605 or data[0] != 0x40:
@@ -39,8 +44,6 @@ class Peer:
 def peer(scripted):
     found = Peer(scripted)
     scripted.drives.append(found)
-    found.next_beat = 1 << 62
-    found.tick = lambda now: None
     return found
 
 

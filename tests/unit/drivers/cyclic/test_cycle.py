@@ -34,40 +34,19 @@ def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(s
     np.testing.assert_allclose(samples.position[1:, X], samples.position_demand[:-1, X])
     assert samples.valid.all()
     assert not samples.late.any()
-    assert seen[2] == (
-        2_000_000,
-        0,
-        0,
-        -1,
-        5003,
-        0,
-        5001,
-        25,
-        0x227,
-        1,
-        0,
-        0,
-        -7000,
-        2,
-        -7000,
-        -50,
-        0x227,
-        1,
-        0,
-        0,
-    )
+    x, y = (5003, 0, 5001, 25, 0x227, 1, 0, 0), (-7000, 2, -7000, -50, 0x227, 1, 0, 0)
+    assert seen[2] == (2_000_000, 0, 0, -1, *x, *y)
 
 
-def test_streams_continue_the_sync_grid_and_until_ends_one(stage, scripted):
-    stage.enable()
-    first = stage.stream(*rest(stage, 3))
+def test_streams_continue_the_sync_grid_and_until_ends_one(enabled, scripted):
+    first = enabled.stream(*rest(enabled, 3))
     counted = []
 
     def until(position):
         counted.append(position)
         return len(counted) == 2
 
-    second = stage.stream(*rest(stage, 50), until=until)
+    second = enabled.stream(*rest(enabled, 50), until=until)
     assert len(second) == 2
     np.testing.assert_allclose(np.r_[first.time, second.time], np.arange(5) * 1e-3)
     syncs = [t for t, can_id, _ in scripted.sent if can_id == 0x80]
@@ -82,50 +61,39 @@ def test_streams_continue_the_sync_grid_and_until_ends_one(stage, scripted):
         (lambda p: p.__setitem__((0, X), 0.01), r"axis x: 0x607A:00 .*row 0.*velocity limit 1 m/s"),
     ],
 )
-def test_setpoints_outside_the_limits_send_nothing(stage, scripted, change, text):
-    stage.enable()
+def test_setpoints_outside_the_limits_send_nothing(enabled, scripted, change, text):
     before = len(scripted.sent)
-    position, offset = rest(stage, 5)
+    position, offset = rest(enabled, 5)
     change(position)
     with pytest.raises(LimitError, match=text):
-        stage.stream(position, offset)
+        enabled.stream(position, offset)
     assert len(scripted.sent) == before
 
 
-def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(stage, scripted):
-    stage.enable()
-
+def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(enabled, scripted):
     def drop(drive, count):
         drive.position += 7
         drive.mute_tpdo = 1 if count == start + 3 else 0
 
     start = scripted.drives[X].syncs
     scripted.drives[X].on_sync = drop
-    samples = stage.stream(*rest(stage, 6))
+    samples = enabled.stream(*rest(enabled, 6))
     assert samples.valid[:, X].tolist() == [True, True, False, True, True, True]
     assert samples.valid[:, Y].all()
     assert samples.position[2, X] == samples.position[1, X]
     assert np.isnan(samples.arrival[2, X])
-    assert stage.missed == 1
+    assert enabled.missed == 1
     np.testing.assert_allclose(np.diff(samples.time), 1e-3)
 
 
-def test_streaming_before_enable_is_refused(stage):
-    with pytest.raises(AxisFault, match="axis x: the stage is not enabled"):
-        stage.stream(np.zeros((1, 2)), np.zeros((1, 2)))
-
-
-def test_no_sdo_while_streaming(stage, scripted):
-    stage.enable()
+def test_no_sdo_while_streaming(enabled, scripted):
     before = len(scripted.sent)
-    stage.stream(*rest(stage, 300))
+    enabled.stream(*rest(enabled, 300))
     ids = {can_id for _, can_id, _ in scripted.sent[before:]}
     assert ids == {0x080, 0x201, 0x202, 0x77F}
 
 
-def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage, scripted):
-    stage.enable()
-
+def test_late_cycles_are_counted_and_never_sent_in_a_burst(enabled, scripted):
     def slow(position):
         calls.append(position)
         if len(calls) == 3:
@@ -133,27 +101,26 @@ def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage, scripted):
         return False
 
     calls = []
-    samples = stage.stream(*rest(stage, 6), until=slow)
+    samples = enabled.stream(*rest(enabled, 6), until=slow)
     assert samples.late.tolist() == [False, False, False, True, False, False]
     np.testing.assert_allclose(samples.time, np.array([0, 1, 2, 5, 6, 7]) * 1e-3)
     syncs = [t for t, can_id, _ in scripted.sent if can_id == 0x80][-6:]
     assert min(np.diff(syncs)) >= 300_000
-    assert stage.late == 1
+    assert enabled.late == 1
 
 
-def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage, scripted):
+def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(enabled, scripted):
     """Of the axis that answers last: its old frame would end the cycle before its new one."""
-    stage.enable()
     count = itertools.count()
 
     def sink(sample):
         if next(count) == 2:
             scripted.deliver(0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0))
 
-    stage.sink = sink
-    position, offset = rest(stage, 6)
+    enabled.sink = sink
+    position, offset = rest(enabled, 6)
     position[:, Y] += np.arange(6) * 1e-7
-    samples = stage.stream(position, offset)
+    samples = enabled.stream(position, offset)
     expected = np.r_[samples.position[0, Y], samples.position_demand[:-1, Y]]
     expected[3] = expected[2]  # two that differ for SYNC 2: the next sample is not trusted
     np.testing.assert_allclose(samples.position[:, Y], expected)
@@ -161,18 +128,16 @@ def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage, scripted):
     assert samples.valid[:, X].all()
 
 
-def test_old_tpdos_beside_every_new_one_stop_the_stage(stage, scripted):
-    stage.enable()
-    stage.sink = lambda sample: scripted.deliver(0x182, struct.pack("<Hih", 0x227, 5, 0))
+def test_old_tpdos_beside_every_new_one_stop_the_stage(enabled, scripted):
+    enabled.sink = lambda sample: scripted.deliver(0x182, struct.pack("<Hih", 0x227, 5, 0))
     with pytest.raises(AxisFault, match=r"^axis y: .*more than one TPDO 0x182 .* node id 2\?"):
-        stage.stream(*rest(stage, 20))
-    assert not stage.enabled
+        enabled.stream(*rest(enabled, 20))
+    assert not enabled.enabled
 
 
-def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(stage, scripted):
-    stage.enable()
+def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(enabled, scripted):
     start = scripted.clock.now
-    stage.stream(*rest(stage, 1000))
+    enabled.stream(*rest(enabled, 1000))
     beats = [t for t, can_id, _ in scripted.sent if can_id == 0x77F and t > start]
     assert len(beats) in (9, 10, 11)
     assert max(np.diff(beats)) <= 130_000_000

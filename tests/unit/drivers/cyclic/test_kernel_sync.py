@@ -37,22 +37,20 @@ def bus():
 
 def test_sync_without_a_counter_is_empty(bus):
     KernelSync(bus, 1000, 0).start()
-    ((messages, period, _),) = bus.asked
+    ((messages, _, _),) = bus.asked
     assert [(m.arbitration_id, bytes(m.data)) for m in messages] == [(0x80, b"")]
-    assert int(period * 1e6) == 1000  # python-can truncates
 
 
 def test_the_counter_runs_from_1_to_its_overflow(bus):
     KernelSync(bus, 250, 4).start()
-    ((messages, period, _),) = bus.asked
+    ((messages, _, _),) = bus.asked
     assert [bytes(m.data) for m in messages] == [b"\1", b"\2", b"\3", b"\4"]
-    assert int(period * 1e6) == 250
 
 
 @pytest.mark.parametrize("period_us", [125, 333, 1000, 4001])
 def test_no_period_is_a_microsecond_short(bus, period_us):
     KernelSync(bus, period_us, 0).start()
-    assert int(bus.asked[0][1] * 1e6) == period_us
+    assert int(bus.asked[0][1] * 1e6) == period_us  # python-can truncates
 
 
 def test_it_is_started_once_and_stopping_never_fails(bus):

@@ -51,107 +51,88 @@ def deliver(scripted, can_id, data, at=0):
     )
 
 
-def test_the_wait_ends_with_the_last_answer(make, scripted):
-    reception, begin = make(), scripted.clock.now
-    deliver(scripted, Y, tpdo(2))
-    deliver(scripted, X, tpdo(1))
-    reception.collect(scripted.recv, begin)
+@pytest.fixture
+def collected(make, scripted):
+    """Collects the answers to a SYNC at 1 ms: CAN-ID, data, and time after it [ns] of each."""
+
+    def collect(*frames, away=0, **options):
+        reception = make(**options)
+        for can_id, data, after in frames:
+            deliver(scripted, can_id, data, MS + after)
+        scripted.clock.now = MS + away
+        reception.collect(scripted.recv, MS)
+        return reception
+
+    return collect
+
+
+def test_the_wait_ends_with_the_last_answer(collected, scripted):
+    reception = collected((Y, tpdo(2), 0), (X, tpdo(1), 0))
     assert [c.position for c in reception.channels] == [1, 2]
-    assert (reception.missed, scripted.clock.now) == (0, begin)
+    assert (reception.missed, scripted.clock.now) == (0, MS)
 
 
-def test_an_answer_that_is_missing_is_awaited_for_half_the_period(make, scripted):
-    reception, begin = make(), scripted.clock.now
-    deliver(scripted, X, tpdo(1))
-    reception.collect(scripted.recv, begin)
-    x, y = reception.channels
-    assert (x.valid, y.valid, reception.missed) == (True, False, 1)
-    assert scripted.clock.now == begin + MS // 2
+def test_an_answer_that_is_missing_is_awaited_for_half_the_period(collected, scripted):
+    reception = collected((X, tpdo(1), 0))
+    assert [c.valid for c in reception.channels] == [True, False]
+    assert (reception.missed, scripted.clock.now) == (1, MS + MS // 2)
 
 
-def test_frames_of_services_are_passed_on_meanwhile(make, network, scripted):
-    reception, seen = make(), []
+def test_frames_of_services_are_passed_on_meanwhile(collected, network):
+    seen = []
     network.subscribe(0x701, lambda *frame: seen.append(bytes(frame[1])))
-    deliver(scripted, 0x701, b"\x05")
-    for can_id, position in ((X, 1), (Y, 2)):
-        deliver(scripted, can_id, tpdo(position))
-    reception.collect(scripted.recv, scripted.clock.now)
-    assert seen == [b"\x05"]
-    assert reception.missed == 0
+    reception = collected((0x701, b"\x05", 0), (X, tpdo(1), 0), (Y, tpdo(2), 0))
+    assert (seen, reception.missed) == ([b"\x05"], 0)
 
 
-def test_a_frame_of_another_length_is_no_sample(make, scripted):
-    reception = make()
-    deliver(scripted, X, tpdo(1)[:-1])
-    deliver(scripted, Y, tpdo(2))
-    reception.collect(scripted.recv, scripted.clock.now)
+def test_a_frame_of_another_length_is_no_sample(collected):
+    reception = collected((X, tpdo(1)[:-1], 0), (Y, tpdo(2), 0))
     assert [c.valid for c in reception.channels] == [False, True]
 
 
-def test_a_second_answer_is_counted_and_the_first_one_taken(make, scripted):
-    reception = make()
-    for position in (1, 1):
-        deliver(scripted, X, tpdo(position))
-    deliver(scripted, Y, tpdo(2))
-    reception.collect(scripted.recv, scripted.clock.now)
-    assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
+def test_a_second_answer_is_counted_and_the_first_one_taken(collected):
+    x, _ = collected((X, tpdo(1), 0), (X, tpdo(1), 0), (Y, tpdo(2), 0)).channels
+    assert (x.position, x.extra) == (1, 1)
 
 
-def test_the_stamp_counts_however_late_the_host_reads(make, scripted):
-    reception, begin = make(stamped=True), scripted.clock.now
-    deliver(scripted, X, tpdo(1), begin + MS // 5)
-    deliver(scripted, Y, tpdo(2), begin + MS // 4)
-    scripted.clock.now += 3 * MS
-    reception.collect(scripted.recv, begin)
+def test_the_stamp_counts_however_late_the_host_reads(collected):
+    frames = (X, tpdo(1), MS // 5), (Y, tpdo(2), MS // 4)
+    reception = collected(*frames, away=3 * MS, stamped=True)
     assert [c.arrival for c in reception.channels] == [MS // 5, MS // 4]
 
 
-def test_a_frame_from_before_the_sync_is_not_its_answer(make, scripted):
-    reception, begin = make(stamped=True), scripted.clock.now + MS
-    deliver(scripted, X, tpdo(7), begin - MS // 10)
-    deliver(scripted, X, tpdo(1), begin + MS // 5)
-    deliver(scripted, Y, tpdo(2), begin + MS // 5)
-    reception.collect(scripted.recv, begin)
-    assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
+def test_a_frame_from_before_the_sync_is_not_its_answer(collected):
+    frames = (X, tpdo(7), -MS // 10), (X, tpdo(1), MS // 5), (Y, tpdo(2), MS // 5)
+    x, _ = collected(*frames, stamped=True).channels
+    assert (x.position, x.extra) == (1, 1)
 
 
-def test_after_the_drives_window_nothing_counts(make, scripted):
-    reception, begin = make(stamped=True, sync_window=5e-4), scripted.clock.now
-    deliver(scripted, X, tpdo(1), begin + 290_000)
-    deliver(scripted, Y, tpdo(2), begin + 310_000)
-    reception.collect(scripted.recv, begin)
+def test_after_the_drives_window_nothing_counts(collected):
+    frames = (X, tpdo(1), 290_000), (Y, tpdo(2), 310_000)
+    reception = collected(*frames, stamped=True, sync_window=5e-4)
     assert [c.valid for c in reception.channels] == [True, False]
     assert not reception.accepts_tardy
 
 
-def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted):
-    reception, begin = make(stamped=True), scripted.clock.now
-    deliver(scripted, X, tpdo(1), begin + MS // 5)
-    reception.collect(scripted.recv, begin)
+@pytest.mark.parametrize(
+    ("after", "tardy", "missed", "extra"),
+    [(7 * MS // 10, (0x0637, 2, 5, 7 * MS // 10), 0, 0), (MS, None, 1, 1)],
+)
+def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(
+    collected, scripted, after, tardy, missed, extra
+):
+    """Not one a period late."""
+    reception = collected((X, tpdo(1), MS // 5), stamped=True)
     assert reception.missed == 1
-    deliver(scripted, Y, tpdo(2), begin + 7 * MS // 10)
-    reception.await_tpdos(begin + MS)
-    assert reception.channels[1].tardy == (0x0637, 2, 5, 7 * MS // 10)
-    assert reception.missed == 0
+    deliver(scripted, Y, tpdo(2), MS + after)
+    reception.await_tpdos(2 * MS)
+    y = reception.channels[1]
+    assert (y.tardy, reception.missed, y.extra) == (tardy, missed, extra)
 
 
-def test_one_a_period_late_is_not(make, scripted):
-    reception, begin = make(stamped=True), scripted.clock.now
-    deliver(scripted, X, tpdo(1), begin + MS // 5)
-    reception.collect(scripted.recv, begin)
-    deliver(scripted, Y, tpdo(2), begin + MS)
-    reception.await_tpdos(begin + MS)
-    assert (reception.channels[1].tardy, reception.missed) == (None, 1)
-    assert reception.channels[1].extra == 1
-
-
-def test_our_own_sync_tells_when_it_was_on_the_bus(make, scripted):
-    reception, begin = make(stamped=True), scripted.clock.now
-    deliver(scripted, 0x80, b"", begin + 30_000)
-    for can_id in (X, Y):
-        deliver(scripted, can_id, tpdo(1), begin + MS // 5)
-    reception.collect(scripted.recv, begin)
-    assert reception.echo_at == begin + 30_000
+def test_our_own_sync_tells_when_it_was_on_the_bus(collected):
+    frames = (0x80, b"", 30_000), (X, tpdo(1), MS // 5), (Y, tpdo(1), MS // 5)
+    assert collected(*frames, stamped=True).echo_at == MS + 30_000
 
 
 def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scripted):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from drivers.cyclic.samples import FIELDS, HEAD, VALID, SampleWriter, decode_rows
-from drivers.drive import Scale
 
+X = SimpleNamespace(increment=1e-9, force_unit=0.04)
+Y = SimpleNamespace(increment=2e-9, force_unit=0.05)
 LATE_TPDO = (0x1237, 5000, 30, 1_200_000)
 """Statusword, position [counts], force [1/1000], arrival [ns]."""
 
@@ -78,7 +79,7 @@ def test_without_tardy_tpdos_nothing_waits(channels, sunk):
 
 def test_rows_decode_to_si_units_with_what_is_missing_marked():
     rows = array("q", [*sample(0, True, True), *sample(2, False, True)])
-    found = decode_rows(rows, [Scale(1e-9, 0.04), Scale(2e-9, 0.05)])
+    found = decode_rows(rows, [X, Y])
     assert found.time == pytest.approx([0.0, 2e-3])
     assert found.position_demand[1] == pytest.approx([0.0, 200e-9])
     assert found.position[1] == pytest.approx([0.0, 400e-9])
@@ -92,5 +93,4 @@ def test_rows_decode_to_si_units_with_what_is_missing_marked():
 
 def test_targets_may_be_velocities():
     rows = array("q", sample(0, True, True))
-    scales = [Scale(1e-9, 0.04)] * 2
-    assert decode_rows(rows, scales, [1e-6, 1e-6]).position_demand[0, 1] == pytest.approx(1e-4)
+    assert decode_rows(rows, [X, X], [1e-6, 1e-6]).position_demand[0, 1] == pytest.approx(1e-4)

@@ -4,7 +4,7 @@ import pytest
 
 from drivers import objects as od
 from drivers.drive.parameters import Parameter, Rule, write_profile, write_settings
-from drivers.errors import ConfigurationError, NodeError
+from drivers.errors import ConfigurationError
 
 READ_ONLY, ABSENT = 0x06010002, 0x06020000
 
@@ -65,14 +65,6 @@ def test_more_force_than_requested_is_refused(stage, scripted, axis_settings):
         ConfigurationError, match="0x6072:00 max torque: wrote 3000, the drive holds 4000"
     ):
         write_settings(stage.axes[0].node, axis_settings[0])
-
-
-def test_a_refused_write_is_an_error_with_its_abort_code(stage, scripted, axis_settings):
-    scripted.drives[0].objects[0x6098, 0] = 17
-    scripted.drives[0].refuse_write[0x6098, 0] = READ_ONLY
-    with pytest.raises(NodeError, match=r"0x6098:00 .*the drive holds 17") as caught:
-        write_settings(stage.axes[0].node, axis_settings[0])
-    assert caught.value.abort_code == READ_ONLY
 
 
 def test_missing_objects_are_reported_where_they_have_a_consequence(stage, scripted, axis_settings):

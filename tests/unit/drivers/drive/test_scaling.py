@@ -8,8 +8,7 @@ import pytest
 
 import drivers
 from drivers import objects as od
-from drivers.drive import Scale, counts, dimension, unit
-from drivers.drive.scaling import scale
+from drivers.drive import counts, dimension, unit
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
@@ -17,6 +16,10 @@ from drivers.settings import AxisSettings
 LENGTH, SPEED, RATE, FORCE = (2e-9, "m"), (3e-6, "m/s"), (5e-4, "m/s^2"), (0.05, "N")
 MILLISECONDS, MICROSECONDS, CODE = (1e-3, "s"), (1e-6, "s"), (1.0, "")
 
+CODES = (
+    "0x1005:00", "0x1016:01", "0x1019:00", "0x6007:00", "0x6040:00", "0x605A:00", "0x605B:00",
+    "0x605C:00", "0x605D:00", "0x605E:00", "0x6060:00", "0x6098:00", "0x60C2:01", "0x60C2:02",
+)  # fmt: skip
 WRITTEN = {
     "0x607A:00": LENGTH,  # target position
     "0x6065:00": LENGTH,  # following error window
@@ -40,20 +43,7 @@ WRITTEN = {
     "0x1006:00": MICROSECONDS,
     "0x1007:00": MICROSECONDS,
     "0x1017:00": MILLISECONDS,
-    "0x1005:00": CODE,
-    "0x1016:01": CODE,  # node id and milliseconds
-    "0x1019:00": CODE,
-    "0x6007:00": CODE,
-    "0x6040:00": CODE,
-    "0x605A:00": CODE,
-    "0x605B:00": CODE,
-    "0x605C:00": CODE,
-    "0x605D:00": CODE,
-    "0x605E:00": CODE,
-    "0x6060:00": CODE,
-    "0x6098:00": CODE,
-    "0x60C2:01": CODE,  # 10^index seconds
-    "0x60C2:02": CODE,
+    **dict.fromkeys(CODES, CODE),
 }
 """SI value and dimension of one unit on `AXIS`."""
 READ = {"0x6064:00": LENGTH, "0x606C:00": SPEED, "0x6077:00": FORCE}
@@ -79,10 +69,6 @@ def test_each_object_has_its_unit(place):
     assert dimension(AXIS, ref) == si
     assert counts(AXIS, ref, 7.4 * size) == 7
     assert counts(AXIS, ref, -7.6 * size) == -8
-
-
-def test_the_scale_of_process_data_is_that_of_its_objects():
-    assert scale(AXIS) == Scale(2e-9, 0.05)
 
 
 def test_a_rotary_axis_counts_angles_and_torques():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.errors import Evidence
+from drivers.errors import FaultReport
 from drivers.motion.fault_report import command_text, commands_text
 
 
@@ -25,12 +25,12 @@ def test_a_controlword_is_named_by_the_cia402_command_and_its_mode_bits(controlw
 
 
 def test_the_last_commands_come_with_mode_target_and_force_offset():
-    evidence = Evidence(
+    report = FaultReport(
         statusword=0x1237, emergencies=(), controlwords=(0x6, 0xF), mode=8,
         target="0.012 m", offset=-1.25, boots=0,
     )  # fmt: skip
-    assert commands_text(evidence) == (
+    assert commands_text(report) == (
         "shutdown > enable operation, mode 8, target 0.012 m, force offset -1.25 N"
     )
-    unsent = Evidence(None, (), (), None, "0 m", 0.0, 0)
+    unsent = FaultReport(None, (), (), None, "0 m", 0.0, 0)
     assert commands_text(unsent).startswith("none, target")

@@ -60,12 +60,6 @@ def test_an_offset_that_is_not_finite_is_named(axis_settings):
         checked_positions(np.zeros((3, 2)), offset, axis_settings, (0, 0), TS)
 
 
-@pytest.mark.parametrize("shapes", [((3, 1), (3, 1)), ((3,), (3,)), ((3, 2), (2, 2))])
-def test_wrong_shapes_are_refused(axis_settings, shapes):
-    with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
-        checked_positions(np.zeros(shapes[0]), np.zeros(shapes[1]), axis_settings, (0, 0), TS)
-
-
 @given(
     st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=8), st.integers(-150_000_000, 150_000_000)
 )
@@ -200,18 +194,16 @@ def test_a_force_that_is_not_finite_is_named(axis_settings, value):
 
 
 @pytest.mark.parametrize(
-    ("velocity", "offset"), [((3, 1), (3, 1)), ((2,), (2,)), ((3, 2), (2, 2)), ((3, 3), (3, 3))]
+    ("values", "offset"), [((3, 1), (3, 1)), ((2,), (2,)), ((3, 2), (2, 2)), ((3, 3), (3, 3))]
 )
-def test_velocities_of_wrong_shape_are_refused(axis_settings, velocity, offset):
-    text = f"and their offsets must be [K, 2], are {list(velocity)} and {list(offset)}"
-    with pytest.raises(LimitError, match=re.escape(text)):
-        checked_velocities(np.zeros(velocity), np.zeros(offset), axis_settings, (0.0, 0.0), TS)
-
-
-def test_forces_of_wrong_shape_are_refused(axis_settings):
-    for shape in ((3, 1), (2,), (3, 3)):
+def test_wrong_shapes_are_refused(axis_settings, values, offset):
+    text = f"and their offsets must be [K, 2], are {list(values)} and {list(offset)}"
+    for check, start in ((checked_positions, (0, 0)), (checked_velocities, (0.0, 0.0))):
+        with pytest.raises(LimitError, match=re.escape(text)):
+            check(np.zeros(values), np.zeros(offset), axis_settings, start, TS)
+    if values == offset:
         with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
-            checked_forces(np.zeros(shape), axis_settings)
+            checked_forces(np.zeros(values), axis_settings)
 
 
 def test_a_profile_may_use_its_limits_and_has_the_right_duration(axis_settings):

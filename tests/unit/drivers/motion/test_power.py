@@ -38,10 +38,9 @@ def test_an_axis_that_sends_nothing_does_not_come_to_power(stage, scripted, axis
     assert scripted.drives[1 - axis].state is State.SWITCH_ON_DISABLED
 
 
-def test_a_quick_stop_takes_the_force_offsets_away(stage, scripted):
-    stage.enable()
-    position, offset = rest(stage, 3)
-    stage.stream(position, offset + 4.0)
+def test_a_quick_stop_takes_the_force_offsets_away(enabled, scripted):
+    position, offset = rest(enabled, 3)
+    enabled.stream(position, offset + 4.0)
     offsets = []
 
     def look(drive, count):
@@ -49,7 +48,7 @@ def test_a_quick_stop_takes_the_force_offsets_away(stage, scripted):
             offsets.append(drive.latched[2])
 
     scripted.drives[Y].on_sync = look
-    stage.quick_stop()
+    enabled.quick_stop()
     assert offsets
     assert set(offsets) == {0}
 
@@ -141,8 +140,7 @@ def test_an_axis_that_answers_late_is_waited_for(stage, scripted):
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_an_emergency_does_not_break_off_a_quick_stop(stage, scripted):
-    stage.enable()
+def test_an_emergency_does_not_break_off_a_quick_stop(enabled, scripted):
     words = []
 
     def shouts(drive, count):
@@ -151,14 +149,13 @@ def test_an_emergency_does_not_break_off_a_quick_stop(stage, scripted):
             drive.emergency(0x2310)
 
     scripted.drives[Y].on_sync = shouts
-    stage.quick_stop()
+    enabled.quick_stop()
     assert words[-1] == DISABLE_VOLTAGE
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_power_stays_on_while_a_quick_stop_brakes(stage, scripted):
+def test_power_stays_on_while_a_quick_stop_brakes(enabled, scripted):
     """Drives with option codes 5 to 8 stay in QUICK STOP ACTIVE: standing still is the end."""
-    stage.enable()
     moving = []
 
     def brakes(drive, count):
@@ -168,7 +165,7 @@ def test_power_stays_on_while_a_quick_stop_brakes(stage, scripted):
 
     scripted.drives[Y].on_sync = brakes
     first = len(scripted.sent)
-    stage.quick_stop()
+    enabled.quick_stop()
     assert len(moving) == 250
     assert set(moving) == {QUICK_STOP}
     assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
@@ -176,8 +173,7 @@ def test_power_stays_on_while_a_quick_stop_brakes(stage, scripted):
     assert len(beats) >= 2  # they obey, so they need not lose our heartbeat
 
 
-def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(stage, scripted):
-    stage.enable()
+def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(enabled, scripted):
     x, y = scripted.drives
     begin, first = scripted.clock.now, len(scripted.sent)
 
@@ -188,7 +184,7 @@ def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(stage, scr
     x.on_sync = goes_on
     x.writes.clear()
     y.writes.clear()
-    stage.quick_stop()
+    enabled.quick_stop()
     asked = [t for t, i, d in scripted.sent[first:] if i == 0x601 and d[1:3] == b"\x40\x60"]
     assert x.writes[0] == (CONTROLWORD, 0, QUICK_STOP)
     assert len([w for w in x.writes if w[2] == QUICK_STOP]) == 1
@@ -198,13 +194,12 @@ def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(stage, scr
     assert [t for t in beats if 40e6 < t < 500e6] == []
     assert x.state is State.SWITCH_ON_DISABLED
     begin, first = scripted.clock.now, len(scripted.sent)
-    stage.idle(0.35)
+    enabled.idle(0.35)
     assert len([i for _, i, _ in scripted.sent[first:] if i == HEARTBEAT]) >= 3
 
 
-def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage, scripted):
+def test_a_silent_axis_is_given_the_time_to_miss_the_host(enabled, scripted):
     """And the other one, which stands still in QUICK STOP ACTIVE, is not blamed for it."""
-    stage.enable()
     scripted.drives[X].mute_tpdo = 1_000_000
     begin = scripted.clock.now
     stops = []
@@ -214,7 +209,7 @@ def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage, scripted):
             stops.append(scripted.clock.now)
 
     scripted.drives[Y].on_sync = look
-    stage.quick_stop()
+    enabled.quick_stop()
     assert stops[-1] - begin >= 0.59e9
     assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
 
@@ -234,15 +229,13 @@ def test_an_emergency_on_the_way_to_power_ends_it(stage, scripted):
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_drive_that_refuses_a_word_by_sdo_does_not_keep_it_from_the_other(stage, scripted):
-    stage.enable()
-
+def test_a_drive_that_refuses_a_word_by_sdo_does_not_keep_it_from_the_other(enabled, scripted):
     def goes_on(drive, count):
         drive.state = State.OPERATION_ENABLED
 
     for drive in scripted.drives:
         drive.on_sync = goes_on
     scripted.drives[X].refuse[CONTROLWORD, 0] = 0x08000022
-    stage.safe_stop()
+    enabled.safe_stop()
     words = [value for index, _, value in scripted.drives[Y].writes if index == CONTROLWORD]
     assert words == [QUICK_STOP, QUICK_STOP, DISABLE_VOLTAGE]

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import can
 import pytest
 
 from drivers.drive import State, decode
@@ -13,22 +14,21 @@ X, Y = 0, 1
 QUICK_STOP = 0x02
 
 
-def test_a_stop_shows_until_the_next_boot(stage, scripted):
-    stage.enable()
+def test_a_stop_shows_until_the_next_boot(enabled, scripted):
     said = []
 
     def look(drive, count):
         if drive.latched[0] & 0xF == QUICK_STOP:
-            said.append(stage.ending)
+            said.append(enabled.ending)
 
     scripted.drives[X].on_sync = look
-    assert not stage.ending
-    stage.safe_stop()
+    assert not enabled.ending
+    enabled.safe_stop()
     assert said
     assert all(said)
-    assert stage.ending
-    stage.boot()
-    assert not stage.ending
+    assert enabled.ending
+    enabled.boot()
+    assert not enabled.ending
 
 
 def test_drives_that_have_booted_are_stopped_before_the_first_sync(stage, scripted):
@@ -39,11 +39,11 @@ def test_drives_that_have_booted_are_stopped_before_the_first_sync(stage, script
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(scripted, bus_settings, axis_settings):
-    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(opened, scripted):
+    with opened:
         before, begin = len(scripted.sent), scripted.clock.now
-        assert not stage.ending
-        stage.safe_stop()
+        assert not opened.ending
+        opened.safe_stop()
         assert len(scripted.sent) == before
         assert scripted.clock.now == begin
 
@@ -68,34 +68,31 @@ def test_the_slowest_axis_determines_how_long_a_stop_may_take(
 
 
 @pytest.mark.parametrize("axis", [None, "z"])
-def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(stage, scripted, axis):
-    stage.enable()
+def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(enabled, scripted, axis):
     problem = AxisFault("thermal fuse", axis=axis)
 
     def until(position):
         raise problem
 
     with pytest.raises(AxisFault, match="thermal fuse") as caught:
-        stage.stream(*rest(stage, 10), until=until)
+        enabled.stream(*rest(enabled, 10), until=until)
     assert caught.value is problem
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_fault_names_the_commands_before_the_stop(stage, scripted):
-    stage.enable()
-
+def test_a_fault_names_the_commands_before_the_stop(enabled, scripted):
     def falls_out(drive, count):
         if drive.latched[0] & 0xF == 0xF:
             drive.state = State.SWITCHED_ON
 
     scripted.drives[Y].on_sync = falls_out
     with pytest.raises(AxisFault, match=r"^axis y: .*left OPERATION ENABLED") as caught:
-        stage.stream(*rest(stage, 10))
+        enabled.stream(*rest(enabled, 10))
     _, _, commands = str(caught.value).partition("last commands: ")
     assert "enable operation" in commands
     assert "quick stop" not in commands
     assert caught.value.report is not None
-    assert decode(caught.value.report.evidence.statusword) is State.SWITCHED_ON
+    assert decode(caught.value.report.statusword) is State.SWITCHED_ON
 
 
 def controlwords(drive):
@@ -103,51 +100,46 @@ def controlwords(drive):
     return [value for index, _, value in drive.writes if index == 0x6040]
 
 
-def test_a_stop_that_gets_through_is_one(stage, scripted):
-    stage.enable()
+def test_a_stop_that_gets_through_is_one(enabled, scripted):
     begin = scripted.clock.now
-    stage.safe_stop()
+    enabled.safe_stop()
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
     assert scripted.clock.now - begin < 50e6
     assert [controlwords(d) for d in scripted.drives] == [[], []]
 
 
 @pytest.mark.parametrize("away", [0.0, 0.3, 0.55])
-def test_a_bus_that_refuses_frames_is_tried_again(stage, scripted, away):
-    stage.enable()
+def test_a_bus_that_refuses_frames_is_tried_again(enabled, scripted, away):
     begin = scripted.clock.now
-    scripted.broken, scripted.mended_at = "bus-off", begin + away * 1e9
-    stage.safe_stop()
+    scripted.broken, scripted.mended_at = can.CanOperationError("bus-off"), begin + away * 1e9
+    enabled.safe_stop()
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
     assert scripted.clock.now - begin < (away + 0.05) * 1e9  # every 10 ms
 
 
-def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(stage, scripted):
-    stage.enable()
-    scripted.broken = "bus-off"
+def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(enabled, scripted):
+    scripted.broken = can.CanOperationError("bus-off")
     begin = scripted.clock.now
-    stage.safe_stop()
+    enabled.safe_stop()
     assert 0.6e9 <= scripted.clock.now - begin < 0.62e9
 
 
-def test_a_drive_that_does_not_stop_is_told_once_by_each_word(stage, scripted):
+def test_a_drive_that_does_not_stop_is_told_once_by_each_word(enabled, scripted):
     """Quick stop while its process data are of no use, then both words; not again and again."""
-    stage.enable()
 
     def goes_on(drive, count):
         drive.state = State.OPERATION_ENABLED
 
     x, y = scripted.drives
     x.on_sync = goes_on
-    stage.safe_stop()
+    enabled.safe_stop()
     assert controlwords(x) == [QUICK_STOP, QUICK_STOP, 0]
     assert controlwords(y) == [QUICK_STOP, 0]
 
 
-def test_closing_takes_force_offsets_back_before_power_off(stage, scripted):
-    stage.enable()
-    position, offset = rest(stage, 3)
-    stage.stream(position, offset + 4.0)
+def test_closing_takes_force_offsets_back_before_power_off(enabled, scripted):
+    position, offset = rest(enabled, 3)
+    enabled.stream(position, offset + 4.0)
     offsets = []
 
     def look(drive, count):
@@ -155,7 +147,7 @@ def test_closing_takes_force_offsets_back_before_power_off(stage, scripted):
             offsets.append(drive.latched[2])
 
     scripted.drives[X].on_sync = look
-    stage.close()
+    enabled.close()
     assert offsets == sorted(offsets, reverse=True)
     assert len(offsets) >= 50
     assert offsets[-1] == 0

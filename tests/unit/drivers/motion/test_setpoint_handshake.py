@@ -10,12 +10,6 @@ START = 1234
 Words = list[tuple[int, int]]
 
 
-@pytest.fixture
-def enabled(stage):
-    stage.enable()
-    return stage
-
-
 def test_the_target_and_bit_5_are_there_before_bit_4_rises(enabled, acknowledging):
     words = acknowledging()
     enabled.move_to("x", 1e-3, 0.1, 1.0)

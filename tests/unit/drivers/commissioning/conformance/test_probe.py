@@ -108,7 +108,7 @@ def test_supported_modes_are_bits_of_0x6502(probe):
 
 def test_a_state_that_is_not_reached_ends_the_wait(probe, scripted):
     before = scripted.clock.now
-    assert not probe.reaches(State.OPERATION_ENABLED, 0.1)
+    assert not probe.reaches(State.OPERATION_ENABLED, timeout=0.1)
     assert 100_000_000 <= scripted.clock.now - before < 120_000_000
 
 

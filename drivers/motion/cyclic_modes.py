@@ -1,9 +1,9 @@
-"""Cyclic synchronous velocity (csv) and torque (cst): streams of velocities or forces.
+"""Cyclic synchronous position (csp), velocity (csv) and torque (cst): one row of targets per SYNC.
 
-Both end at 0, since nothing follows the last row. A stream ended early brakes at the acceleration
-limit (csv), or its force is 0 at once (cst). Forces imply neither travel nor velocity limits, so in
-cst positions are watched: an axis that is too fast, or could no longer stop within its travel, ends
-the stream.
+Streams in csv and cst end at 0, since nothing follows the last row. A stream ended early brakes at
+the acceleration limit (csv), or its force is 0 at once (cst). Forces imply neither travel nor
+velocity limits, so in cst positions are watched: an axis that is too fast, or could no longer stop
+within its travel, ends the stream.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.canopen import Clock
-from drivers.cyclic import Channel, Cycle, RealTime, Until, decode_rows
+from drivers.cyclic import Channel, Cycle, RealTime, Sink, Until, decode_rows
 from drivers.drive import Mode, unit
 from drivers.errors import AxisFault
-from drivers.motion.limits import checked_forces, checked_velocities
+from drivers.motion.limits import checked_forces, checked_positions, checked_velocities
 from drivers.motion.power import Power
 from drivers.motion.safe_stop import SafeStop
 from stagedata import Samples
@@ -79,64 +79,71 @@ class TravelGuard:
             )  # fmt: skip
 
 
-class CyclicVelocity:
-    """Streams velocities in csv, from rest to rest; arguments and errors as in `Stage`."""
-
-    mode = Mode.CYCLIC_SYNC_VELOCITY
-
-    def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop, real_time: RealTime) -> None:
-        self._cycle, self._streams = cycle, _Streams(cycle, power, stopping, real_time)
-
-    def stream(self, velocity: F64, offset: F64 | None, until: Until | None) -> Samples:
-        """Streams one row of velocities [m/s] per SYNC."""
-        velocity = np.asarray(velocity, dtype=np.float64)
-        channels = self._cycle.channels
-        targets, offsets = checked_velocities(
-            velocity, np.zeros_like(velocity) if offset is None else offset,
-            [c.axis.settings for c in channels],
-            [c.position * c.axis.scale.increment for c in channels],
-            self._cycle.period,
-        )  # fmt: skip
-        units = [unit(c.axis.settings, od.TARGET_VELOCITY) for c in channels]
-        slopes = [
-            c.axis.settings.acceleration / speed * self._cycle.period
-            for c, speed in zip(channels, units, strict=True)
-        ]
-        return self._streams.run(self.mode, targets, offsets, until, units, slopes)
-
-
-class CyclicForce:
-    """Streams forces in cst under a `TravelGuard`; arguments and errors as in `Stage`."""
-
-    mode = Mode.CYCLIC_SYNC_TORQUE
-
-    def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop, real_time: RealTime) -> None:
-        self._cycle, self._streams = cycle, _Streams(cycle, power, stopping, real_time)
-
-    def stream(self, force: F64, until: Until | None) -> Samples:
-        """Streams one row of forces [N] per SYNC."""
-        channels = self._cycle.channels
-        targets = checked_forces(force, [c.axis.settings for c in channels])
-        guard = TravelGuard(channels, self._cycle.clock, until)
-        units = [unit(c.axis.settings, od.TARGET_FORCE) for c in channels]
-        return self._streams.run(self.mode, targets, np.zeros_like(targets), guard, units, None)
-
-
-class _Streams:
-    """Common to csv and cst: enters the mode where needed, and ends at 0."""
+class CyclicModes:
+    """Enables axes in csp and streams; arguments, results and errors as in `Stage`."""
 
     def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop, real_time: RealTime) -> None:
         self._cycle, self._power = cycle, power
         self._stopping, self._real_time = stopping, real_time
 
-    def run(
-        self,
-        mode: Mode,
-        targets: I64,
-        offsets: I64,
-        until: Until | None,
-        units: Sequence[float],
-        slopes: Sequence[float] | None,
+    def enter_csp(self) -> None:
+        """Enables all axes in csp where they stand; does nothing where they are."""
+        csp = Mode.CYCLIC_SYNC_POSITION
+        with self._stopping.on_failure():
+            if self._power.enabled and self._power.mode is csp:
+                self._cycle.pump(0.0)
+                self._cycle.sync.resume()
+                self._cycle.exchange()  # the last TPDO may be old
+                if self._power.enabled:
+                    return
+            self._power.enter(csp)
+
+    def stream_position(
+        self, position: F64, offset: F64, until: Until | None, sink: Sink | None
+    ) -> Samples:
+        """Streams one row of target positions [m] and force offsets [N] per SYNC."""
+        channels = self._cycle.channels
+        self._power.require_enabled()
+        if self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+            raise AxisFault("the stage is not in csp: enable it first", axis=channels[0].axis.name)
+        targets, offsets = checked_positions(
+            position, offset, [c.axis.settings for c in channels], [c.target for c in channels],
+            self._cycle.period,
+        )  # fmt: skip
+        planned = None
+        if self._cycle.corrected is not None:
+            units = np.array([c.axis.force_unit for c in channels])
+            planned = np.clip(offset / units, -32768.0, 32767.0)
+        rows = array("q")
+        with self._stopping.on_failure(), self._real_time.in_motion():
+            self._cycle.stream(targets, offsets, rows, sink, until, planned)
+        return decode_rows(rows, self._cycle.axes)
+
+    def stream_velocity(self, velocity: F64, offset: F64 | None, until: Until | None) -> Samples:
+        """Streams one row of velocities [m/s] per SYNC, from rest to rest."""
+        velocity = np.asarray(velocity, dtype=np.float64)
+        channels = self._cycle.channels
+        targets, offsets = checked_velocities(
+            velocity, np.zeros_like(velocity) if offset is None else offset,
+            [c.axis.settings for c in channels],
+            [c.position * c.axis.increment for c in channels],
+            self._cycle.period,
+        )  # fmt: skip
+        slopes = [
+            c.axis.settings.acceleration / unit(c.axis.settings, od.TARGET_VELOCITY)
+            for c in channels
+        ]
+        return self._run(Mode.CYCLIC_SYNC_VELOCITY, targets, offsets, until, np.array(slopes))
+
+    def stream_force(self, force: F64, until: Until | None) -> Samples:
+        """Streams one row of forces [N] per SYNC, under a `TravelGuard`."""
+        channels = self._cycle.channels
+        targets = checked_forces(force, [c.axis.settings for c in channels])
+        guard = TravelGuard(channels, self._cycle.clock, until)
+        return self._run(Mode.CYCLIC_SYNC_TORQUE, targets, np.zeros_like(targets), guard, None)
+
+    def _run(
+        self, mode: Mode, targets: I64, offsets: I64, until: Until | None, slopes: F64 | None
     ) -> Samples:
         """Streams targets and, where `until` ended the stream early, takes them to 0.
 
@@ -145,8 +152,7 @@ class _Streams:
             targets: int64[K, n], within the limits [units of the bus].
             offsets: int64[K, n] force offsets, within the limits [1/1000 rated].
             until: gets the actual positions [m] after each SYNC; True ends the stream.
-            units: SI value of one unit of each axis' target.
-            slopes: largest change of each target per SYNC on the way to 0; None: at once.
+            slopes: largest change of each target on the way to 0 [units/s]; None: at once.
         """
         self._power.require_enabled()
         for axis in self._cycle.axes:
@@ -158,9 +164,10 @@ class _Streams:
             self._cycle.stream(targets, offsets, rows, None, until)
             left = np.array([c.target for c in channels])
             if left.any():
-                ratios = (0.0,) if slopes is None else np.abs(left) / np.array(slopes)
+                ratios = (0.0,) if slopes is None else np.abs(left) / (slopes * self._cycle.period)
                 steps = max(1, math.ceil(max(ratios)))
                 shape = 1 - np.arange(1, steps + 1)[:, None] / steps
                 braking = np.rint(left * shape).astype(np.int64)
                 self._cycle.stream(braking, np.zeros_like(braking), rows, None, None)
-        return decode_rows(rows, [c.axis.scale for c in channels], units)
+        units = [unit(c.axis.settings, c.axis.target) for c in channels]
+        return decode_rows(rows, self._cycle.axes, units)

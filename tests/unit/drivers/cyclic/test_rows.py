@@ -37,14 +37,13 @@ class Chooser:
         return value if isinstance(value, list) else [value + 0, -value]
 
 
-def test_each_row_gets_its_offsets_after_the_sample_before_it(stage, scripted):
-    stage.enable()
+def test_each_row_gets_its_offsets_after_the_sample_before_it(enabled, scripted):
     chooser = Chooser([1, 2, 3, 4])
-    stage.correct_offsets(chooser)
-    position, offset = rest(stage, 4)
+    enabled.correct_offsets(chooser)
+    position, offset = rest(enabled, 4)
     position[:, X] += np.arange(1, 5) * 1e-8
     offset[:, Y] = 0.1234
-    samples = stage.stream(position, offset)
+    samples = enabled.stream(position, offset)
     np.testing.assert_allclose(samples.force_offset / (0.04, 0.06), [[k, -k] for k in (1, 2, 3, 4)])
     assert scripted.drives[Y].latched[2] == -4
     np.testing.assert_allclose(chooser.planned, np.tile((0.0, 0.1234 / 0.06), (4, 1)))
@@ -55,31 +54,29 @@ def test_each_row_gets_its_offsets_after_the_sample_before_it(stage, scripted):
     assert seen[1:] == counts[:3]
 
 
-def test_streams_continue_until_something_else_was_sent(stage, scripted):
-    stage.enable()
+def test_streams_continue_until_something_else_was_sent(enabled, scripted):
     chooser = Chooser()
-    stage.correct_offsets(chooser)
-    stage.stream(*rest(stage, 3))
-    stage.stream(*rest(stage, 9), until=lambda _: len(chooser.told) == 5)
-    stage.hold(0.002)
-    stage.enable()  # one SYNC of its own
-    stage.hold(0.002)
+    enabled.correct_offsets(chooser)
+    enabled.stream(*rest(enabled, 3))
+    enabled.stream(*rest(enabled, 9), until=lambda _: len(chooser.told) == 5)
+    enabled.hold(0.002)
+    enabled.enable()  # one SYNC of its own
+    enabled.hold(0.002)
     assert [continued for _, continued in chooser.begun] == [False, True, True, False]
     assert [told[0] for told in chooser.told] == [0, 1, 2, 0, 1, 0, 1, 0, 1]
     assert {told[1] for told in chooser.told} == {1}
 
 
-def test_skipped_periods_are_told(stage, scripted):
-    stage.enable()
+def test_skipped_periods_are_told(enabled, scripted):
     chooser = Chooser()
-    stage.correct_offsets(chooser)
+    enabled.correct_offsets(chooser)
 
     def slow(_):
         if len(chooser.told) == 3:
             scripted.clock.now += 3_700_000
         return False
 
-    stage.stream(*rest(stage, 6), until=slow)
+    enabled.stream(*rest(enabled, 6), until=slow)
     assert [told[1] for told in chooser.told] == [1, 1, 1, 1, 3, 1]
     assert [told[2] for told in chooser.told] == [0.0, 0.0, 0.0, 0.0, 0.7, 0.0]
 
@@ -87,30 +84,28 @@ def test_skipped_periods_are_told(stage, scripted):
 @pytest.mark.parametrize(
     ("wrong", "why"), [("text", "TypeError"), (None, "TypeError"), ([1, 2, 3], "ValueError")]
 )
-def test_whatever_it_raises_the_last_correction_stays(stage, scripted, wrong, why):
-    stage.enable()
+def test_whatever_it_raises_the_last_correction_stays(enabled, scripted, wrong, why):
     chooser = Chooser([5, 7, wrong, 100])
-    stage.correct_offsets(chooser)
-    position, offset = rest(stage, 5)
+    enabled.correct_offsets(chooser)
+    position, offset = rest(enabled, 5)
     offset[:, X] = np.arange(5) * 0.04
-    samples = stage.stream(position, offset)
+    samples = enabled.stream(position, offset)
     # planned 0, 1, 2, 3, 4; from row 1 on it adds 6
     np.testing.assert_allclose(samples.force_offset[:, X] / 0.04, [5, 7, 8, 9, 10])
     assert len(chooser.told) == 3
-    assert f"stays as it is: {why}" in stage.notices[-1]
-    held = stage.stream(*rest(stage, 2))
+    assert f"stays as it is: {why}" in enabled.notices[-1]
+    held = enabled.stream(*rest(enabled, 2))
     np.testing.assert_allclose(held.force_offset[:, X] / 0.04, 6)
-    stage.correct_offsets(None)
-    assert stage.notices == ()
-    assert (stage.stream(*rest(stage, 2)).force_offset == 0.0).all()
+    enabled.correct_offsets(None)
+    assert enabled.notices == ()
+    assert (enabled.stream(*rest(enabled, 2)).force_offset == 0.0).all()
 
 
-def test_a_fault_ends_the_stream_as_ever(stage, scripted):
-    stage.enable()
+def test_a_fault_ends_the_stream_as_ever(enabled, scripted):
     chooser = Chooser()
-    stage.correct_offsets(chooser)
+    enabled.correct_offsets(chooser)
     scripted.drives[X].on_sync = lambda drive, count: drive.emergency(0x2310)
     with pytest.raises(AxisFault, match="axis x"):
-        stage.stream(*rest(stage, 50))
+        enabled.stream(*rest(enabled, 50))
     assert len(chooser.told) < 5
-    assert not stage.enabled
+    assert not enabled.enabled
