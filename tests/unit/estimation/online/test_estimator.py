@@ -200,7 +200,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("spoil", "reason"),
         [
-            (lambda m: replace(m, force=1.6 * m.force), "."),
+            (lambda m: replace(m, force=1.6 * m.force), "residual"),
             (lambda m: replace(m, force=m.force + NOISE[: len(m.force)]), "residual"),
             (lambda m: whole(np.zeros(80), np.ones(80), 9.0, 1.0), "^too little motion to learn"),
             (lambda m: replace(m, valid=HOLES[: len(m.valid)]), "of the samples can be used"),
