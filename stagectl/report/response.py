@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from estimation.observer import Design
 from estimation.response import FrequencyResponse, Lines
-from stagectl.config.machine import Axis, Machine
+from stagectl.config.machine import Machine
 from stagectl.config.settings.observer import believed_figures, clocking
 from stagectl.measurement import AxisFindings, Measurement
 from stagectl.report.chart import Chart, Curve, legend
@@ -47,81 +47,62 @@ def write_response_page(
         "Machine file": machine.source,
     }
     outline = Outline("Responses", machine.name, (), "", facts=facts)
-    text = render_page(
-        "response.html.j2",
-        outline,
-        axes=[
-            _axis(name, machine, measurement, designs[name], found)
-            for name, found in findings.items()
-        ],
-        legend=legend("measured", ("before", "machine file")),
-    )
-    write_atomically(path, text, "page")
+    axes = [
+        _axis(name, machine, measurement, designs[name], found) for name, found in findings.items()
+    ]
+    key = legend("measured", ("before", "machine file"))
+    page = render_page("response.html.j2", outline, axes=axes, legend=key)
+    write_atomically(path, page, "page")
 
 
 def _axis(
-    name: str,
-    machine: Machine,
-    measurement: Measurement,
-    design: Design | str,
-    found: AxisFindings,
+    name: str, machine: Machine, measurement: Measurement, design: Design | str, found: AxisFindings
 ) -> dict[str, Any]:
-    axis, period = machine.axes[name], machine.bus.sync_period
     response = measurement.axes[name].response
-    plots = []
-    for state, title, slides in (
-        (response.rest, "at rest", False),
-        (response.sliding, "while sliding", True),
-    ):
-        plots += _bode(axis, period, state, title, slides, found)
-    is_on = isinstance(design, Design)
+    judged: dict[str, Any] = {
+        "observer": design,
+        "gain": "-",
+        "margin": "-",
+        "peak": "-",
+        "nyquist": None,
+    }
+    if isinstance(design, Design):
+        judged |= {"observer": "on", "gain": f"{design.gain:.3g}", "nyquist": _nyquist(design)}
+        if design.margins is not None:
+            margins = design.margins
+            judged |= {"margin": f"{margins.gain:.2f}", "peak": f"{margins.peak:.2f}"}
     return {
         "name": name,
         "contradictions": found.contradictions,
-        "observer": "on" if is_on else design,
-        "gain": f"{design.gain:.3g}" if isinstance(design, Design) else "-",
-        "margin": _margin(design, "gain"),
-        "peak": _margin(design, "peak"),
-        "plots": plots,
-        "nyquist": _nyquist(design) if isinstance(design, Design) else None,
+        "plots": [
+            *_bode(machine, name, response.rest, found, slides=False),
+            *_bode(machine, name, response.sliding, found, slides=True),
+        ],
+        **judged,
     }
 
 
-def _margin(design: Design | str, which: str) -> str:
-    margins = None if isinstance(design, str) else design.margins
-    return "-" if margins is None else f"{getattr(margins, which):.2f}"
-
-
 def _bode(
-    axis: Axis,
-    period: float,
-    state: FrequencyResponse,
-    title: str,
-    slides: bool,
-    found: AxisFindings,
-) -> list[tuple[str, Any]]:
+    machine: Machine, name: str, state: FrequencyResponse, found: AxisFindings, slides: bool
+) -> Iterator[tuple[str, Chart]]:
     """Magnitude and phase of both responses, measured and by the file."""
-    plots = []
-    for which, (at, value, unit) in enumerate(
-        (
-            (state.offset_at, state.offset, "m/N"),
-            (state.demand_at, state.demand, "m/m"),
-        )
+    axis = machine.axes[name]
+    figures = believed_figures(axis, axis.plant.friction.figures)
+    clock = clocking(axis.drive, machine.bus.sync_period)
+    offset_sign = found.fitted.figures.sign
+    for which, what, at, value, sign, unit in (
+        (0, "force offset", state.offset_at, state.offset, offset_sign, "m/N"),
+        (1, "demand", state.demand_at, state.demand, 1.0, "m/m"),
     ):
-        figures = believed_figures(axis, axis.plant.friction.figures)
-        file = Lines(at, clocking(axis.drive, period)).responses(figures, slides)[which]
-        what = ("force offset", "demand")[which]
+        file = Lines(at, clock).responses(figures, slides)[which]
         size = [Curve("measured", at, np.abs(value)), Curve("before", at, np.abs(file))]
         phase = [
-            Curve(
-                "measured", at, _degrees(value, found.fitted.figures.sign if which == 0 else 1.0)
-            ),
+            Curve("measured", at, _degrees(value, sign)),
             Curve("before", at, _degrees(file, 1.0)),
         ]
-        label = f"position by {what}, {title}"
-        plots.append((label, Chart(size, "frequency, Hz", f"magnitude, {unit}", log="xy")))
-        plots.append((label, Chart(phase, "frequency, Hz", "phase, degrees", log="x")))
-    return plots
+        label = f"position by {what}, {'while sliding' if slides else 'at rest'}"
+        yield label, Chart(size, "frequency, Hz", f"magnitude, {unit}", log="xy")
+        yield label, Chart(phase, "frequency, Hz", "phase, degrees", log="x")
 
 
 def _degrees(value: Any, sign: float) -> Any:

@@ -3,39 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from stagectl.report.render import render_page
 from stagectl.report.run_outline import run_outline
 from stagectl.report.traces import chart_data
-from stagectl.store import write_atomically
 from stagedata import Recording
-
-
-def write_report(
-    path: Path,
-    recording: Recording,
-    summary: Mapping[str, Any],
-    *,
-    control_period: float,
-    notices: Sequence[str] = (),
-) -> None:
-    """Write the report of a run, atomically.
-
-    Args:
-        path: of the HTML file; an existing one is replaced.
-        recording: of the run.
-        summary: of the same run, as in `summary.json`.
-        control_period: Tc of the drives [s].
-        notices: texts for the operator.
-
-    Raises:
-        StagectlError: the file cannot be written.
-        ValueError: the summary belongs to another recording.
-    """
-    text = render_report(recording, summary, control_period=control_period, notices=notices)
-    write_atomically(path, text, "report")
 
 
 def render_report(
@@ -45,7 +18,17 @@ def render_report(
     control_period: float,
     notices: Sequence[str] = (),
 ) -> str:
-    """The report's HTML; arguments as for `write_report`."""
+    """The HTML of the report of a run.
+
+    Args:
+        recording: of the run.
+        summary: of the same run, as in `summary.json`.
+        control_period: Tc of the drives [s].
+        notices: texts for the operator.
+
+    Raises:
+        ValueError: the summary belongs to another recording.
+    """
     by_site = all(move.site is not None for move in recording.moves)
     return render_page(
         "run.html.j2",

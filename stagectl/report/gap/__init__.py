@@ -4,7 +4,7 @@
 the data of the charts of single moves.
 """
 
-from stagectl.report.gap.outline import diagnosis_outline, gap_section, repeat_lines
-from stagectl.report.gap.page import render_gap_page
-
-__all__ = ["diagnosis_outline", "gap_section", "render_gap_page", "repeat_lines"]
+from stagectl.report.gap.outline import diagnosis_outline as diagnosis_outline
+from stagectl.report.gap.outline import gap_section as gap_section
+from stagectl.report.gap.outline import repeat_lines as repeat_lines
+from stagectl.report.gap.page import render_gap_page as render_gap_page

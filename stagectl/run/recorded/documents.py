@@ -12,7 +12,7 @@ from typing import Any
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
-from stagectl.report import write_report
+from stagectl.report import render_report
 from stagectl.run.recorded.summarise import run_note, summarise
 from stagectl.store import (
     RECORDING_NAME,
@@ -63,7 +63,8 @@ def write_documents(
     if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
         told = [e["text"] for e in notes.events if e["event"] == "limitation"]
-        write_report(report_path, recording, summary, control_period=control_period, notices=told)
+        page = render_report(recording, summary, control_period=control_period, notices=told)
+        write_atomically(report_path, page, "report")
     return summary
 
 

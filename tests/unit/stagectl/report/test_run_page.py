@@ -5,56 +5,18 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
-import pytest
 
-from stagectl.errors import StagectlError
-from stagectl.report import write_report
 from stagectl.report.run_page import render_report
 from stagectl.report.traces import BEFORE
 from stagedata import Recording, aligned_demand
 from tests.unit.stagectl.report.conftest import friction, summary_of
+from tests.unit.stagectl.report.page import Page
 
 TC, TS = 1e-4, 1e-3
-
-
-class Page(HTMLParser):
-    """Collects tags, what they load, the visible text and the embedded data."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.loads: list[str] = []
-        self.words: list[str] = []
-        self.stack: list[str] = []
-        self.data = ""
-        self._in_data = False
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        attributes = dict(attrs)
-        self.loads += [v for k, v in attrs if k in ("src", "href", "srcset", "action") and v]
-        self._in_data = attributes.get("id") == "data"
-        if tag not in ("meta", "link", "br", "img", "input"):
-            self.stack.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.stack.pop() == tag  # well-formed: nothing unescaped broke out
-        self._in_data = False
-
-    def handle_data(self, data: str) -> None:
-        if self._in_data:
-            self.data += data
-        elif self.stack and self.stack[-1] not in ("script", "style"):
-            self.words.append(data.strip())
-
-    @property
-    def text(self) -> str:
-        return " ".join(word for word in self.words if word)
 
 
 def test_the_page_loads_nothing(recording: Recording, summary: dict[str, Any]):
@@ -121,17 +83,6 @@ def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     assert "No micro-move was completed." in page.text
     assert "Friction was not estimated" in page.text
     assert json.loads(page.data)["moves"] == []
-
-
-def test_is_written_whole_or_not_at_all(
-    recording: Recording, summary: dict[str, Any], tmp_path: Path
-):
-    path = tmp_path / "report.html"
-    write_report(path, recording, summary, control_period=TC)
-    assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
-    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
-    with pytest.raises(StagectlError, match="cannot write the report"):
-        write_report(tmp_path / "absent" / "r.html", recording, summary, control_period=TC)
 
 
 def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, Any]):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stagectl.report.traces import BEFORE, chart_data
+from stagectl.report.traces import BEFORE, chart_data, friction_panels, panel_range
 from stagedata import Recording
 from tests.unit.stagectl.report.conftest import summary_of
 
@@ -52,3 +52,72 @@ def test_a_long_run_embeds_its_slowest_micro_moves_and_says_how_many_it_leaves_o
 def test_a_summary_of_another_recording_is_refused(recording: Recording, summary: dict[str, Any]):
     with pytest.raises(ValueError, match="not those of the recording"):
         chart_data(replace(recording, moves=recording.moves[:5]), summary, TC)
+
+
+def point(value: float | None, sigma: float | None, accepted: bool = True) -> dict[str, Any]:
+    return {"value": value, "sigma": sigma, "accepted": accepted}
+
+
+def entry(axis: str, site: int, **values: float) -> dict[str, Any]:
+    figures = {name: {"value": v, "sigma": 0.01 * v, "unit": "N"} for name, v in values.items()}
+    return {"axis": axis, "site": site, "accepted": True, "parameters": figures}
+
+
+def test_estimates_before_the_parameter_was_known_do_not_widen_the_range():
+    course = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
+    low, high = panel_range([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
+    assert 5.9e5 < low < 6.0e5 - 2.8e3
+    assert 6.0e5 + 2.5e3 < high < 6.1e5
+
+
+def test_a_known_drift_is_shown_completely():
+    course = [point(6.0 + 0.1 * k, 0.05) for k in range(20)]
+    low, high = panel_range(course)
+    assert low < 5.95
+    assert high > 7.95
+
+
+def test_the_last_accepted_estimate_is_shown_however_uncertain():
+    low, high = panel_range([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
+    assert low < 6.0
+    assert high > 10.0
+
+
+def test_refused_estimates_count_only_if_all_were_refused():
+    assert panel_range([point(6.0, 0.1), point(99.0, 0.1, accepted=False)])[1] < 7.0
+    assert panel_range([point(99.0, 1.0, accepted=False)])[0] > 90.0
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [point(None, None)],
+        [point(0.0, 0.0)],
+        [point(0.0, None)],
+        [point(5.0, None)],
+        [point(-1.7e308, 1e307), point(1.7e308, 1e307)],
+    ],
+)
+def test_a_range_is_never_empty_nor_infinite(points: list[dict[str, Any]]):
+    low, high = panel_range(points)
+    assert -float("inf") < low < high < float("inf")
+
+
+def test_each_parameter_and_axis_has_a_panel_with_estimates_of_a_site_side_by_side():
+    entries = [
+        entry("x", 1, coulomb=6.0, viscous=20.0), entry("y", 1, coulomb=9.0),
+        entry("x", 1, coulomb=6.1, viscous=20.0), entry("x", 2, coulomb=6.0),
+    ]  # fmt: skip
+    panels = friction_panels(entries, ("x", "y", "z"), by_site=True)
+    assert [(p["name"], p["axis"]) for p in panels] == [
+        ("coulomb", "x"), ("coulomb", "y"), ("viscous", "x"),
+    ]  # fmt: skip
+    assert [p["place"] for p in panels[0]["points"]] == [0.9, 1.1, 2.0]
+    assert [p["place"] for p in panels[2]["points"]] == [0.9, 1.1]
+    assert panels[0]["high"] < panels[1]["low"]
+
+
+def test_many_estimates_of_a_site_stay_near_it():
+    (panel,) = friction_panels([entry("x", 3, coulomb=6.0)] * 18, ("x",), by_site=True)
+    places = [p["place"] for p in panel["points"]]
+    assert 2.6 <= places[0] < places[1] < places[-1] <= 3.4
