@@ -17,7 +17,8 @@ axis, key or object, and cause. The command line prints only that. Exceptions of
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import ClassVar
 
 
@@ -51,6 +52,15 @@ class UnusableInput(StagectlError):  # noqa: N818
     """An unusable input other than a configuration file: names file, place and cause."""
 
     exit_code: ClassVar[int] = 2
+
+
+@contextmanager
+def unusable(*kinds: type[Exception], about: str = "") -> Iterator[None]:
+    """Makes errors of some kinds an `UnusableInput`, with what they are about before their text."""
+    try:
+        yield
+    except kinds as error:
+        raise UnusableInput(f"{about}{error}") from error
 
 
 _WRONG_PATH = frozenset(

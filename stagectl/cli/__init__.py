@@ -44,11 +44,12 @@ COMMANDS = {
 }
 
 
+_SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _LONGEST = 4000
 """Characters of an error message that are shown."""
 
 
-@click.group(cls=LazyGroup, lazy=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, lazy=COMMANDS, context_settings=_SETTINGS)
 @click.version_option(package_name="stagectl")
 def cli() -> None:
     """Run, simulate and calibrate two-axis direct-drive inspection stages on CANopen.

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
-from stagectl.cli.options import NumberRange, Quantity
+from stagectl.cli.bus_access import Bench
+from stagectl.cli.options import NumberRange, Quantity, takes
 from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _NEGATIVE = {"ignore_unknown_options": True}  # -2mm is a distance, not an optio
 
 
 @click.command
-@bench_options
+@takes(Bench)
 @click.option("--hold", "duration", type=NumberRange(0, 3600),
               help="Disable again after this time [s].  [default: at Ctrl-C]")  # fmt: skip
 @click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
@@ -48,7 +48,7 @@ def enable(bench: Bench, duration: float | None, reset: bool) -> None:
 
 
 @click.command
-@bench_options
+@takes(Bench)
 @click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
 def home(bench: Bench, reset: bool) -> None:
     """Home all axes by the methods in the machine file, then disable them.
@@ -65,7 +65,7 @@ def home(bench: Bench, reset: bool) -> None:
 @click.command(context_settings=_NEGATIVE)
 @click.argument("axis")
 @click.argument("distance", type=Quantity("LENGTH"))
-@bench_options
+@takes(Bench)
 @click.option(
     "--velocity", type=Quantity("VELOCITY"), help="Velocity of the move.  [default: 10 mm/s]"
 )

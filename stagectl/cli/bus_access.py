@@ -6,16 +6,17 @@ whose drives have just been switched on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import wraps
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.options import FILE, BusType
+from stagectl.cli.options import FILE, BusType, option
+from stagectl.cli.stage_options import TWO_BUSES
+from stagectl.errors import RunFault, UnusableInput
 
 if TYPE_CHECKING:
     from drivers.canopen import Network
@@ -27,59 +28,45 @@ _BOOT = 0.1
 """Time for the virtual drives' boot-up messages, which come 20 ms after power-on [s]."""
 
 
-def bench_options(command: Callable[..., None]) -> Callable[..., None]:
-    """`--machine`, `--bus`, `--simulate` and `--seed`; the command takes a `Bench` instead."""
-
-    @wraps(command)
-    def with_bench(
-        machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int, **others: Any
-    ) -> None:
-        command(Bench(machine, bus, simulate, seed), **others)
-
-    decorated: Callable[..., None] = with_bench
-    for option in (
-        click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-                     help="Seed of the virtual stage's noise and start position."),
-        click.option("--simulate", is_flag=True, help="Use a virtual stage, in virtual time."),
-        click.option("--bus", type=BusType(),
-                     help="CAN bus, e.g. socketcan:can0.  [default: the machine file's]"),
-        click.option("--machine", type=FILE,
-                     help="Machine file of the stage.  [default: wafer-xy]"),
-    ):  # fmt: skip
-        decorated = option(decorated)
-    return decorated
-
-
+@dataclass
 class Bench:
-    """A machine and its bus.
+    """Options that name a machine and its bus.
 
-    Args:
-        machine: its file; None for the packaged one.
-        bus: (interface, channel) instead of the machine file's.
-        simulate: use a virtual stage instead.
-        seed: of the virtual stage.
+    Attributes:
+        machine: as its file says.
+        settings: of its bus, or of the one named instead.
+        axes: of its drives.
 
     Raises:
-        click.UsageError: both `bus` and `simulate` are given.
+        click.UsageError: both --bus and --simulate are given.
         ConfigError: the machine file cannot be used.
     """
 
-    def __init__(
-        self, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int
-    ) -> None:
+    file: Path | None = option(
+        "Machine file of the stage.  [default: wafer-xy]", FILE, flags="--machine"
+    )
+    bus: tuple[str, str] | None = option(
+        "CAN bus, e.g. socketcan:can0.  [default: the machine file's]", BusType()
+    )
+    simulated: bool = option(
+        "Use a virtual stage, in virtual time.", default=False, flags="--simulate"
+    )
+    seed: int = option(
+        "Seed of the virtual stage's noise and start position.", click.IntRange(0), 1
+    )
+
+    def __post_init__(self) -> None:
         from stagectl.config import driver_settings, load_machine
 
-        if simulate and bus is not None:
-            raise click.UsageError(
-                "--bus cannot be combined with --simulate, which has a bus of its own"
-            )
-        self.machine: Machine = load_machine(machine)
-        self.bus: BusSettings
+        if self.simulated and self.bus is not None:
+            raise click.UsageError(TWO_BUSES)
+        self.machine: Machine = load_machine(self.file)
+        self.settings: BusSettings
         self.axes: tuple[AxisSettings, ...]
-        self.bus, self.axes = driver_settings(self.machine)
-        if bus is not None:
-            self.bus = replace(self.bus, interface=bus[0], channel=bus[1])
-        self.simulated, self._seed = simulate, seed
+        self.settings, self.axes = driver_settings(self.machine)
+        if self.bus is not None:
+            interface, channel = self.bus
+            self.settings = replace(self.settings, interface=interface, channel=channel)
 
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:
@@ -90,20 +77,19 @@ class Bench:
             RunFault: bus, node or axis failed.
         """
         from drivers.errors import BusOpenError, DriverError
-        from stagectl.errors import RunFault, UnusableInput
 
         try:
             if not self.simulated:
-                yield self.bus
+                yield self.settings
                 return
             from hil_sim.bus import World
             from hil_sim.stage import VirtualStage
             from stagectl.config import stage_settings
 
             world = World(f"bench-{id(self)}")
-            VirtualStage(stage_settings(self.machine), self._seed).attach(world)
+            VirtualStage(stage_settings(self.machine), self.seed).attach(world)
             world.sleep_until_ns(round(_BOOT * 1e9))
-            yield replace(self.bus, interface="lockstep", channel=world.name)
+            yield replace(self.settings, interface="lockstep", channel=world.name)
         except BusOpenError as failed:
             raise UnusableInput(str(failed)) from failed
         except DriverError as failed:

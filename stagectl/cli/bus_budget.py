@@ -2,71 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console
-from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.console import make_table, show_result
+from stagectl.cli.options import FILE, JSON_OUT, NumberRange, option, takes
+from stagectl.errors import StagectlError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from drivers.commissioning import BusBudget
 
 _BYTES = click.IntRange(0, 8)
 
 
+@dataclass(frozen=True)
+class _CycleOptions:
+    """Of one SYNC period; where they are not given, as in the machine file."""
+
+    machine: Path | None = option("Machine file of the stage.  [default: wafer-xy]", FILE)
+    sync_period: float | None = option(
+        "SYNC period [s].  [default: the machine file's]", NumberRange(1e-6, 10)
+    )
+    bitrate: int | None = option(
+        "Bit rate [bit/s].  [default: the machine file's]", click.IntRange(10_000, 1_000_000)
+    )
+    rpdo: tuple[int, ...] = option(
+        "Bytes of an RPDO of each axis; repeat for several.  [default: 8]", _BYTES, multiple=True
+    )
+    tpdo: tuple[int, ...] = option(
+        "Bytes of a TPDO of each axis; repeat for several.  [default: 8]", _BYTES, multiple=True
+    )
+    sync_counter: bool = option("SYNC carries a counter (0x1019).", default=False)
+
+
 @click.command
-@click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
-@click.option(
-    "--sync-period",
-    type=NumberRange(1e-6, 10),
-    help="SYNC period [s].  [default: the machine file's]",
-)
-@click.option(
-    "--bitrate",
-    type=click.IntRange(10_000, 1_000_000),
-    help="Bit rate [bit/s].  [default: the machine file's]",
-)
-@click.option(
-    "--rpdo",
-    type=_BYTES,
-    multiple=True,
-    help="Bytes of an RPDO of each axis; repeat for several.  [default: 8]",
-)
-@click.option(
-    "--tpdo",
-    type=_BYTES,
-    multiple=True,
-    help="Bytes of a TPDO of each axis; repeat for several.  [default: 8]",
-)
-@click.option("--sync-counter", is_flag=True, help="SYNC carries a counter (0x1019).")
+@takes(_CycleOptions)
 @JSON_OUT
-def command(
-    machine: Path | None, sync_period: float | None, bitrate: int | None,
-    rpdo: tuple[int, ...], tpdo: tuple[int, ...], sync_counter: bool, json_out: Path | None,
-) -> None:  # fmt: skip
+def command(cycle: _CycleOptions, json_out: Path | None) -> None:
     """Add up the bits of one SYNC period with worst-case bit stuffing, and what is left for SDO.
 
     Exit code 0 if the worst cycle fits, 1 if not. This is arithmetic: no bus is opened.
     """
     from drivers.commissioning import stage_budget
     from stagectl.config import load_machine
-    from stagectl.errors import StagectlError
 
-    stage = load_machine(machine)
+    stage = load_machine(cycle.machine)
     budget = stage_budget(
         tuple(stage.axes),
-        rpdo or (8,),
-        tpdo or (8,),
-        sync_period or stage.bus.sync_period,
-        bitrate or stage.bus.bitrate,
-        int(sync_counter),
+        cycle.rpdo or (8,),
+        cycle.tpdo or (8,),
+        cycle.sync_period or stage.bus.sync_period,
+        cycle.bitrate or stage.bus.bitrate,
+        int(cycle.sync_counter),
     )
-    write_json(_figures(budget), json_out)
-    if not is_json_on_stdout(json_out):
-        make_console().print(_table(budget, stage.name))
-        _verdict(budget)
+    show_result(_figures(budget), json_out, _table(budget, stage.name), *_verdict(budget))
     if not budget.fits:
         raise StagectlError(
             f"the worst cycle needs {budget.peak} bits, but {budget.available} fit into "
@@ -89,35 +83,29 @@ def _figures(budget: BusBudget) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(budget: BusBudget, name: str) -> Any:
-    from rich.table import Table
+def _table(budget: BusBudget, name: str) -> Table:
+    def row(label: str, size: str, worst: int, least: str) -> tuple[str, ...]:
+        return label, size, str(worst), least, f"{100 * worst / budget.available:.1f} %"
 
-    table = Table(
-        title=f"{name}: SYNC {budget.sync_period * 1e3:g} ms, {budget.bitrate / 1e3:g} kbit/s",
-        title_justify="left",
-    )
-    for column in ("frame", "bytes", "bits, worst", "bits, no stuffing", "share, worst"):
-        table.add_column(column, justify="left" if column == "frame" else "right")
-    rows = [(x.name, str(x.data_bytes), x.worst, x.least) for x in budget.lines]
-    rows.append(("cyclic frames", "", budget.worst, budget.least))
-    rows.append((f"worst cycle, with {budget.heartbeats} heartbeats", "", budget.peak, -1))
-    for label, size, worst, least in rows:
-        if label == "cyclic frames":
-            table.add_section()
-        table.add_row(
-            label, size, str(worst), "" if least < 0 else str(least),
-            f"{100 * worst / budget.available:.1f} %",
-        )  # fmt: skip
-    return table
+    titles = ("frame", "bytes", "bits, worst", "bits, no stuffing", "share, worst")
+    heartbeats = f"worst cycle, with {budget.heartbeats} heartbeats"
+    rows = [
+        *(row(x.name, str(x.data_bytes), x.worst, str(x.least)) for x in budget.lines),
+        None,
+        row("cyclic frames", "", budget.worst, str(budget.least)),
+        row(heartbeats, "", budget.peak, ""),
+    ]
+    title = f"{name}: SYNC {budget.sync_period * 1e3:g} ms, {budget.bitrate / 1e3:g} kbit/s"
+    return make_table(title, titles, rows, titles[1:])
 
 
-def _verdict(budget: BusBudget) -> None:
+def _verdict(budget: BusBudget) -> list[str]:
     if not budget.fits:
-        click.echo(f"shortest SYNC period that fits: {budget.shortest_period * 1e3:.3f} ms")
-        return
-    click.echo(
+        return [f"shortest SYNC period that fits: {budget.shortest_period * 1e3:.3f} ms"]
+    left = (
         f"left for SDO: {budget.sdo_pairs} request/answer pairs in the worst cycle, "
         f"{budget.sdo_per_second:.0f} per second on average"
     )
-    if budget.sdo_pairs == 0:
-        click.echo("an SDO in the worst cycle delays it: do not poll by SDO while streaming")
+    if budget.sdo_pairs:
+        return [left]
+    return [left, "an SDO in the worst cycle delays it: do not poll by SDO while streaming"]

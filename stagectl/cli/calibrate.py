@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,14 @@ from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     JSON_OUT,
     RECIPE,
+    RunBy,
     is_json_on_stdout,
-    run_by_options,
+    option,
+    takes,
     write_json,
 )
 from stagectl.cli.signals import stop_on_signal
-from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
+from stagectl.cli.stage_options import StageCommand, StageOptions
 
 if TYPE_CHECKING:
     from stagectl.calibration import Calibration, SiteSequence
@@ -28,23 +30,26 @@ if TYPE_CHECKING:
     from stagectl.run import RunRequest
 
 
+@dataclass(frozen=True)
+class _FileOptions:
+    """Where the calibration is kept."""
+
+    history: str | None = option("As for 'stagectl run'.", HistoryFile())
+    out: Path | None = option(
+        "Folder for recording, summary, report and bus log.  [default: runs/NAME-TIME]",
+        OutputFolder(),
+    )
+    resume: Path | None = option(
+        "Continue the interrupted calibration in this folder.", InputFolder(), metavar="RUN"
+    )
+
+
 @click.command(cls=StageCommand)
 @click.argument("sites", type=RECIPE)
 @click.option("--due", is_flag=True, help="Only sites that are due by the limits in SITES.")
-@stage_options
-@click.option("--history", type=HistoryFile(), help="As for 'stagectl run'.")
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    help="Folder for recording, summary, report and bus log.  [default: runs/NAME-TIME]",
-)
-@click.option(
-    "--resume",
-    type=InputFolder(),
-    metavar="RUN",
-    help="Continue the interrupted calibration in this folder.",
-)
-@run_by_options
+@takes(StageOptions)
+@takes(_FileOptions)
+@takes(RunBy)
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -52,10 +57,8 @@ if TYPE_CHECKING:
     help="Check all that the run would check before it opens the bus, and list the sites to visit.",
 )
 def command(
-    sites: Path, due: bool, machine: Path | None, simulate: Path | None,
-    bus: tuple[str, str] | None, seed: int, history: str | None, out: Path | None,
-    resume: Path | None, operator: str | None, comment: str | None, json_out: Path | None,
-    dry_run: bool,
+    stage: StageOptions, files: _FileOptions, by: RunBy, sites: Path, due: bool,
+    json_out: Path | None, dry_run: bool,
 ) -> None:  # fmt: skip
     """Visit the sites in SITES.yaml, measure the friction of every axis there, build a new map.
 
@@ -76,27 +79,29 @@ def command(
     )
     from stagectl.history import FILE_NAME, default_history
 
-    believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
+    believed, truth = stage.load(moves=not dry_run)
     calibration = load_calibration(sites, believed)
     started = datetime.now(UTC).astimezone()
-    folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
-    where = default_history(history, believed, truth is not None, folder, out is not None)
+    folder = files.out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
+    where = default_history(
+        files.history, believed, truth is not None, folder, files.out is not None
+    )
     if where is None:  # a calibration is pointless without a history
-        where = str((folder if resume is None else resume) / FILE_NAME)
+        where = str((files.resume or folder) / FILE_NAME)
     quiet = is_json_on_stdout(json_out)
     if not quiet:
         _announce(calibration.sequence)
-    from stagectl.run import HostSettings, Remarks, RunRequest, SimulatedStage
+    from stagectl.run import HostSettings, RunRequest, SimulatedStage
 
     request = RunRequest(
         calibration.recipe, believed, folder, started,
-        None if truth is None else SimulatedStage(truth, seed),
+        None if truth is None else SimulatedStage(truth, stage.seed),
         HostSettings(observer=False),  # deviations are what is measured
-        bus, history=where, remarks=Remarks(operator or None, comment or None),
+        stage.bus, history=where, remarks=by.remarks(),
     )  # fmt: skip
     before: list[dict[str, Any]] = []
-    if resume is not None:
-        request, before = resume_calibration(request, calibration, resume)
+    if files.resume is not None:
+        request, before = resume_calibration(request, calibration, files.resume)
     else:
         selected = _select_sites(calibration, request, due, quiet)
         if not selected:

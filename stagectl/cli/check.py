@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
-from stagectl.cli.console import make_console
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.bus_access import Bench
+from stagectl.cli.console import make_table, show_result
+from stagectl.cli.options import JSON_OUT, takes
 from stagectl.cli.signals import interruptible
+from stagectl.errors import StagectlError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from drivers.commissioning.conformance import Finding
 
 
 @click.command
 @click.argument("node", type=click.IntRange(1, 126))
-@bench_options
-@click.option("--power/--no-power", default=True, show_default=True,
+@takes(Bench)
+@click.option("--power/--no-power", default=True,
               help="Include checks that enable the drive.")  # fmt: skip
 @click.option("--homing", is_flag=True,
               help="Include homing at the present position: changes the drive's zero.")  # fmt: skip
@@ -36,19 +39,15 @@ def command(
     """
     from drivers.canopen import LISTENING
     from drivers.commissioning.conformance import Verdict, run
-    from stagectl.errors import StagectlError
 
     with bench.observer() as network, interruptible():
         network.listen(LISTENING)  # refuses a bus on which a host is active
         findings = run(network, node, power=power, homing=homing)
         label = network.label
-    write_json([_entry(f) for f in findings], json_out)
-    if not is_json_on_stdout(json_out):
-        shown = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
-        if shown:
-            make_console().print(_table(shown, node, label))
-        counts = {v: sum(f.verdict is v for f in findings) for v in Verdict}
-        click.echo(", ".join(f"{n} {v.value}" for v, n in counts.items()))
+    listed = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
+    table = [_table(listed, node, label)] if listed else []
+    counts = ", ".join(f"{sum(f.verdict is v for f in findings)} {v.value}" for v in Verdict)
+    show_result([_entry(f) for f in findings], json_out, *table, counts)
     failed = [f for f in findings if f.verdict is Verdict.FAIL]
     if failed:
         raise StagectlError(
@@ -64,23 +63,20 @@ def _entry(finding: Finding) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(findings: list[Finding], node: int, label: str) -> Any:
-    from rich.table import Table
+def _table(findings: list[Finding], node: int, label: str) -> Table:
     from rich.text import Text
 
     from drivers.commissioning.conformance import Verdict
 
     colours = {Verdict.FAIL: "bold red", Verdict.DIFFERS: "yellow", Verdict.PASS: "green"}
-    table = Table(title=f"CiA 301 and CiA 402: node {node} on {label}", title_justify="left")
-    for column in ("group", "check", "verdict", "what the drive did"):
-        table.add_column(column)
+    rows: list[Any] = []
     group = ""
     for finding in findings:
-        if group and finding.group != group:
-            table.add_section()
-        table.add_row(
-            "" if finding.group == group else finding.group, finding.name,
-            Text(finding.verdict.value, colours.get(finding.verdict, "dim")), finding.detail,
-        )  # fmt: skip
+        named = "" if finding.group == group else finding.group
+        if group and named:
+            rows.append(None)
+        verdict = Text(finding.verdict.value, colours.get(finding.verdict, "dim"))
+        rows.append((named, finding.name, verdict, finding.detail))
         group = finding.group
-    return table
+    title = f"CiA 301 and CiA 402: node {node} on {label}"
+    return make_table(title, ("group", "check", "verdict", "what the drive did"), rows)

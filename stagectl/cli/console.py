@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from stagectl.cli.options import is_json_on_stdout
+import click
+
+from stagectl.cli.options import is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
+    from rich.table import Table
+    from rich.text import TextType
 
 ProgressUpdate = Callable[[str, int, int], None]
 """Takes what is being done, the steps done and the number of steps."""
@@ -26,6 +30,54 @@ def make_console(*, stderr: bool = False) -> Console:
 def console_for(json_out: Path | None) -> Console:
     """The console that people read: standard error if the JSON goes to standard output."""
     return make_console(stderr=is_json_on_stdout(json_out))
+
+
+def show_result(values: Any, json_out: Path | None, *shown: RenderableType) -> None:
+    """Write a result as JSON, and print it for people unless JSON takes standard output.
+
+    Args:
+        values: for JSON.
+        json_out: `--json`.
+        shown: tables, and lines that only the terminal breaks.
+    """
+    write_json(values, json_out)
+    if is_json_on_stdout(json_out):
+        return
+    for each in shown:
+        if isinstance(each, str):
+            click.echo(each)
+        else:
+            make_console().print(each, crop=False)
+
+
+def make_table(
+    title: TextType,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[TextType] | None],
+    right: Container[str] = (),
+    **look: Any,
+) -> Table:
+    """A table with a title; a row that is None is a line.
+
+    Args:
+        title: above it, on the left.
+        columns: their titles.
+        rows: cells in the order of the columns.
+        right: titles of the columns that are aligned to the right.
+        look: of `rich.table.Table`.
+    """
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", **look)
+    for column in columns:
+        justify = "right" if column in right else "left"
+        table.add_column(column, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    for row in rows:
+        if row is None:
+            table.add_section()
+        else:
+            table.add_row(*row)
+    return table
 
 
 @contextmanager

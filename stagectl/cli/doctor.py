@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import logging
 import platform
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for
-from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.console import make_table, show_result
+from stagectl.cli.options import JSON_OUT, NumberRange
 from stagectl.doctor import NAMES, Finding, examine
 from stagectl.errors import StagectlError
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 @click.command
 @click.option("--require", type=click.Choice(NAMES), multiple=True,
               help="Exit with 1 if this machine lacks it; repeat for several.")  # fmt: skip
-@click.option("--seconds", type=NumberRange(0.1, 60), default=2.0, show_default=True,
+@click.option("--seconds", type=NumberRange(0.1, 60), default=2.0,
               help="Measure jitter for this long [s].")  # fmt: skip
 @JSON_OUT
 def command(require: tuple[str, ...], seconds: float, json_out: Path | None) -> None:
@@ -36,9 +40,7 @@ def command(require: tuple[str, ...], seconds: float, json_out: Path | None) -> 
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     logging.getLogger("can").setLevel(logging.CRITICAL)  # of every driver that is not installed
     findings = list(examine(seconds))
-    write_json(_as_json(findings), json_out)
-    if not is_json_on_stdout(json_out):
-        console_for(json_out).print(_table(findings))
+    show_result(_as_json(findings), json_out, _table(findings))
     lacking = [one.name for one in findings if one.name in require and not one.available]
     if lacking:
         raise StagectlError(f"this machine lacks {', '.join(lacking)}")
@@ -49,26 +51,18 @@ def _as_json(findings: list[Finding]) -> dict[str, Any]:
         "python": platform.python_version(),
         "kernel": platform.release(),
         "machine": platform.machine(),
-        "findings": [
-            {"name": one.name, "available": one.available, "found": one.found,
-             "remedy": one.remedy or None}
-            for one in findings
-        ],
-    }  # fmt: skip
+        "findings": [{**asdict(one), "remedy": one.remedy or None} for one in findings],
+    }
 
 
-def _table(findings: list[Finding]) -> Any:
-    from rich.table import Table
-
-    table = Table(
-        title=f"Python {platform.python_version()}, {platform.system()} {platform.release()}, "
-        f"{platform.machine()}",
-        title_justify="left", show_lines=True,
-    )  # fmt: skip
-    table.add_column("part")
-    table.add_column("ready")
-    table.add_column("found, and how to get what is missing", overflow="fold")
-    for one in findings:
-        text = one.found + (f"\n→ {one.remedy}" if one.remedy else "")
-        table.add_row(one.name, "yes" if one.available else "no", text)
-    return table
+def _table(findings: list[Finding]) -> Table:
+    title = (
+        f"Python {platform.python_version()}, {platform.system()} {platform.release()}, "
+        f"{platform.machine()}"
+    )
+    rows = [
+        (f.name, "yes" if f.available else "no", f.found + (f"\n→ {f.remedy}" if f.remedy else ""))
+        for f in findings
+    ]
+    titles = ("part", "ready", "found, and how to get what is missing")
+    return make_table(title, titles, rows, show_lines=True)

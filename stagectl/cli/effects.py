@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.console import show_result
+from stagectl.cli.options import JSON_OUT
+from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:
     from hil_sim.effects import Effect, Parameter
@@ -28,28 +30,20 @@ def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> No
     """
     from hil_sim.effects.library import EffectError, library
     from stagectl.config.parsing.validation import suggest
-    from stagectl.errors import UnusableInput
 
-    try:
+    with unusable(EffectError):
         known = library()
-    except EffectError as error:
-        raise UnusableInput(str(error)) from error
     for name in names:
         if name not in known:
             raise UnusableInput(f"unknown effect '{name}'{suggest(name, list(known))}")
     chosen = [known[name] for name in names] if names else list(known.values())
-    write_json([_as_dict(effect) for effect in chosen], json_out)
-    if is_json_on_stdout(json_out):
-        return
     if markdown:
-        click.echo("\n".join(markdown_table(chosen)))
+        lines = markdown_table(chosen)
     elif names:
-        click.echo("\n\n".join(_details(effect) for effect in chosen))
-    elif json_out is None:
-        for effect in chosen:
-            click.echo(f"{effect.name:<22}{effect.equation}")
-            for parameter in effect.parameters:
-                click.echo(f"    {parameter.key:<18}{_describe(parameter)}")
+        lines = ["\n\n".join(map(_details, chosen))]
+    else:
+        lines = [line for effect in chosen for line in _listed(effect)] if json_out is None else []
+    show_result([_as_dict(effect) for effect in chosen], json_out, *lines)
 
 
 def plausible(parameter: Parameter) -> str:
@@ -97,6 +91,11 @@ def _describe(parameter: Parameter) -> str:
     meaning = parameter.meaning or parameter.key
     usually = "" if parameter.role == "table" else "usually "
     return f"{meaning}{unit}, {usually}{plausible(parameter)}"
+
+
+def _listed(effect: Effect) -> list[str]:
+    parameters = (f"    {p.key:<18}{_describe(p)}" for p in effect.parameters)
+    return [f"{effect.name:<22}{effect.equation}", *parameters]
 
 
 def _details(effect: Effect) -> str:

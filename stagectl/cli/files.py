@@ -108,12 +108,7 @@ class Output(click.Path, NamesFile):
         self.kind = kind
         self._standard = standard
 
-    def convert(
-        self,
-        value: str | os.PathLike[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | bytes | os.PathLike[str]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Check that its folder exists and that it can be written."""
         path = Path(value)
         if str(path) == "-":

@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,8 @@ import click
 from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import PAGE
 from stagectl.cli.files import Output
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, option, takes, write_json
+from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,55 +24,39 @@ if TYPE_CHECKING:
     from sim2real.blind import Outcome, Setup
 
 
+@dataclass(frozen=True)
+class _BlindOptions:
+    """What is drawn, and where the outcomes go."""
+
+    trials: int = option("Stages to diagnose.", click.IntRange(1), 20)
+    seed: int = option("Seed of the random stages and effects.", click.IntRange(0), 1)
+    leave_out: bool = option("Remove the true effects from the library first.", default=False)
+    only: str | None = option("Draw only this effect, in every trial.", metavar="EFFECT")
+    effects: int | None = option("Effects on one axis in every trial.", click.IntRange(3, 6))
+    machine: Path | None = option("Machine file of the stage.  [default: wafer-xy]", FILE)
+    elements: int | None = option(
+        "Friction elements of the stage.  [default: the machine file's]", click.IntRange(1, 64)
+    )
+    substeps: int | None = option(
+        "Plant steps per control tick of the stage.  [default: drawn]", click.IntRange(5, 1000)
+    )
+    jobs: int = option("Threads to fit with.", click.IntRange(1), 2)
+    lines: Path | None = option("Append each trial here; skip trials it already holds.", Output())
+    label: str = option(
+        "Version that is tested, as --lines and --docs name it.", default="", show_default=False
+    )
+
+    def about(self) -> dict[str, Any]:
+        """What tells this check from others in one file of trials, beside its seed."""
+        keys = ("label", "only", "elements", "substeps", "effects")
+        return {key: getattr(self, key) for key in keys}
+
+
 @click.command("blind")
-@click.option(
-    "--trials", type=click.IntRange(1), default=20, show_default=True, help="Stages to diagnose."
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Seed of the random stages and effects.",
-)
-@click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
-@click.option("--only", metavar="EFFECT", help="Draw only this effect, in every trial.")
-@click.option("--effects", type=click.IntRange(3, 6), help="Effects on one axis in every trial.")
-@click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
-@click.option(
-    "--elements",
-    type=click.IntRange(1, 64),
-    help="Friction elements of the stage.  [default: the machine file's]",
-)
-@click.option(
-    "--substeps",
-    type=click.IntRange(5, 1000),
-    help="Plant steps per control tick of the stage.  [default: drawn]",
-)
-@click.option(
-    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
-)
-@click.option(
-    "--lines", type=Output(), help="Append each trial here; skip trials it already holds."
-)
-@click.option("--label", default="", help="Version that is tested, as --lines and --docs name it.")
+@takes(_BlindOptions)
 @JSON_OUT
 @click.option("--docs", type=Output(PAGE), help="Write a Markdown page on all trials in --lines.")
-def blind(
-    trials: int,
-    seed: int,
-    leave_out: bool,
-    only: str | None,
-    effects: int | None,
-    machine: Path | None,
-    elements: int | None,
-    substeps: int | None,
-    jobs: int,
-    lines: Path | None,
-    label: str,
-    json_out: Path | None,
-    docs: Path | None,
-) -> None:
+def blind(asked: _BlindOptions, json_out: Path | None, docs: Path | None) -> None:
     """Test the diagnosis: draw hidden effects, simulate, diagnose the recording, score the result.
 
     For each trial, the SHA-256 of the true answer is printed before the diagnosis starts and the
@@ -79,67 +64,62 @@ def blind(
     continues from there.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from stagectl.errors import UnusableInput
 
-    setup = replace(
-        _setup(machine, seed, leave_out, only),
-        elements=elements,
-        substeps=substeps,
-        jobs=jobs,
-        effects=effects,
-    )
-    about = {
-        "label": label, "only": only, "elements": elements, "substeps": substeps, "effects": effects
-    }  # fmt: skip
+    setup = _setup(asked)
     console = console_for(json_out)
-    everything = _read(lines)
-    outcomes = _earlier(everything, about, setup, trials)
+    everything = _read(asked.lines)
+    outcomes = _earlier(everything, asked)
     try:
-        for number in range(trials):
+        for number in range(asked.trials):
             if number in outcomes:
                 continue
-            outcome = _run_one(setup, number, trials, console)
+            outcome = _run_one(setup, number, asked.trials, console)
             outcomes[number] = outcome
-            if lines is not None:
-                line = {**about, **outcome.to_json()}
+            if asked.lines is not None:
+                line = {**asked.about(), **outcome.to_json()}
                 everything.append((line, outcome))
-                with lines.open("a", encoding="utf-8") as file:
+                with asked.lines.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(line, allow_nan=False) + "\n")
     except KeyboardInterrupt:
-        console.print(f"stopped after {len(outcomes)} of {trials} trials", style="yellow")
+        console.print(f"stopped after {len(outcomes)} of {asked.trials} trials", style="yellow")
         raise
     except ValueError as error:
         raise UnusableInput(str(error)) from error
     finally:
         if outcomes:
-            _conclude(list(outcomes.values()), everything, console, json_out, docs, label)
+            _conclude(list(outcomes.values()), console, json_out)
+            if docs is not None:
+                _write_page(docs, everything, list(outcomes.values()), asked.label)
 
 
-def _setup(machine: Path | None, seed: int, leave_out: bool, only: str | None) -> Setup:
+def _setup(asked: _BlindOptions) -> Setup:
     from hil_sim.effects.library import EffectError, library
     from sim2real.blind import Setup, find_pool
     from stagectl.config import load_machine, stage_settings
-    from stagectl.errors import ConfigError, UnusableInput
 
-    model = load_machine(machine)
-    try:
+    model = load_machine(asked.machine)
+    with unusable(EffectError, about="effects: "):
         effects = library()
-    except EffectError as error:
-        raise ConfigError(f"effects: {error}") from error
-    if only is not None:
-        try:
-            find_pool(only, effects)
-        except ValueError as error:
-            raise UnusableInput(f"--only: {error}") from error
-    tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
+    if asked.only is not None:
+        with unusable(ValueError, about="--only: "):
+            find_pool(asked.only, effects)
     return Setup(
-        stage_settings(model), tolerance, effects, model.document.text, seed, leave_out, only
+        stage_settings(model),
+        {name: axis.plant.tolerance for name, axis in model.axes.items()},
+        effects,
+        model.document.text,
+        asked.seed,
+        asked.leave_out,
+        asked.only,
+        elements=asked.elements,
+        substeps=asked.substeps,
+        jobs=asked.jobs,
+        effects=asked.effects,
     )
 
 
 def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
     from sim2real.blind import Outcome
-    from stagectl.errors import UnusableInput
 
     if lines is None or not lines.exists():
         return []
@@ -158,15 +138,15 @@ def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
 
 
 def _earlier(
-    lines: list[tuple[dict[str, Any], Outcome]], about: dict[str, Any], setup: Setup, trials: int
+    lines: list[tuple[dict[str, Any], Outcome]], asked: _BlindOptions
 ) -> dict[int, Outcome]:
     """Outcomes of this check that the lines hold already, by number."""
     return {
         outcome.number: outcome
         for line, outcome in lines
-        if all(line.get(key) == value for key, value in about.items())
-        and (outcome.seed, outcome.leave_out) == (setup.seed, setup.leave_out)
-        and outcome.number < trials
+        if all(line.get(key) == value for key, value in asked.about().items())
+        and (outcome.seed, outcome.leave_out) == (asked.seed, asked.leave_out)
+        and outcome.number < asked.trials
     }
 
 
@@ -197,37 +177,36 @@ def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcom
     return outcome
 
 
-def _conclude(
-    outcomes: list[Outcome],
-    lines: list[tuple[dict[str, Any], Outcome]],
-    console: Console,
-    json_out: Path | None,
-    docs: Path | None,
-    label: str,
-) -> None:
-    """Print and write the scores of this check; the page covers all lines."""
-    from sim2real.blind import score_outcomes, table_rows, write_page
-    from stagectl.store import write_atomically
+def _conclude(outcomes: list[Outcome], console: Console, json_out: Path | None) -> None:
+    """Print and write the scores of this check."""
+    from sim2real.blind import score_outcomes, table_rows
 
     counted = score_outcomes(outcomes)
     if not is_json_on_stdout(json_out):
         for row in table_rows(counted):
             console.print(row, highlight=False, soft_wrap=True)
-    if json_out is not None:
-        values = asdict(counted)
-        values["confusion"] = [[*pair, count] for pair, count in counted.confusion.items()]
-        write_json({**values, "outcomes": [outcome.to_json() for outcome in outcomes]}, json_out)
-    if docs is not None:
-        everything = [outcome for _, outcome in lines] or outcomes
-        labels = sorted({str(line.get("label", "")) for line, _ in lines} - {""}) or [label]
-        facts = {
-            "version checked": ", ".join(labels) or "not stated",
-            "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "
-            f"CPython {platform.python_version()}",
-        }
-        for option in ("only", "elements", "substeps", "effects"):
-            given = sorted({f"{line[option]}" for line, _ in lines if line.get(option)})
-            if given:
-                count = sum(bool(line.get(option)) for line, _ in lines)
-                facts[f"with --{option} {', '.join(given)}"] = f"{count} of the trials"
-        write_atomically(docs, write_page(everything, facts), "page")
+    values = asdict(counted)
+    values["confusion"] = [[*pair, count] for pair, count in counted.confusion.items()]
+    write_json({**values, "outcomes": [outcome.to_json() for outcome in outcomes]}, json_out)
+
+
+def _write_page(
+    path: Path, lines: list[tuple[dict[str, Any], Outcome]], outcomes: list[Outcome], label: str
+) -> None:
+    """A page on all lines; where there are none, on the outcomes of this check."""
+    from sim2real.blind import write_page
+    from stagectl.store import write_atomically
+
+    everything = [outcome for _, outcome in lines] or outcomes
+    labels = sorted({str(line.get("label", "")) for line, _ in lines} - {""}) or [label]
+    facts = {
+        "version checked": ", ".join(labels) or "not stated",
+        "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "
+        f"CPython {platform.python_version()}",
+    }
+    for name in ("only", "elements", "substeps", "effects"):
+        given = sorted({f"{line[name]}" for line, _ in lines if line.get(name)})
+        if given:
+            count = sum(bool(line.get(name)) for line, _ in lines)
+            facts[f"with --{name} {', '.join(given)}"] = f"{count} of the trials"
+    write_atomically(path, write_page(everything, facts), "page")

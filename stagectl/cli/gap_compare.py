@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar
-from stagectl.cli.gap_measure import measured_gap
-from stagectl.cli.options import JSON_OUT, RECORDING, is_json_on_stdout, write_json
+from stagectl.cli.console import console_for, progress_bar, show_result
+from stagectl.cli.gap_measure import machine_of, measured_gap
+from stagectl.cli.options import JSON_OUT, RECORDING
 
 if TYPE_CHECKING:
     from sim2real.gap import Gap
@@ -44,7 +45,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     What did the twin change, from one run to the next?
       stagectl gap compare runs/BEFORE runs/AFTER
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from sim2real.findings import FORMAT, VERSION, GapFigures, gap_json
+    from sim2real.findings import FORMAT, VERSION, gap_json
     from sim2real.gap import gap_closed, pool_gaps
     from stagectl.config import stage_settings
     from stagectl.report import print_sections
@@ -70,28 +71,23 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
     both: Gap = {
         axis: {
-            signal: GapFigures(
-                figures.nominal, figures.floor, figures.unit, explained=other.nominal
-            )
-            for (signal, figures), other in zip(signals.items(), after[axis].values(), strict=True)
+            signal: replace(figures, explained=after[axis][signal].nominal)
+            for signal, figures in signals.items()
         }
         for axis, signals in before.items()
     }
-    if json_out is not None:
-        report = {
-            "format": FORMAT,
-            "version": VERSION,
-            "recordings": list(recorded),
-            "machines": [str(first), str(second)],
-            "gap": gap_json(both),
-            "gap_closed": share,
-            "settling": _settling_json(settled),
-        }
-        write_json(report, json_out)
-    if not is_json_on_stdout(json_out):
-        title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
-        gap = gap_section(both, title, "A", "B", repeats=[closed_line(share)])
-        console.print(print_sections([gap, _settling_section(settled)]), crop=False)
+    report = {
+        "format": FORMAT,
+        "version": VERSION,
+        "recordings": list(recorded),
+        "machines": [str(first), str(second)],
+        "gap": gap_json(both),
+        "gap_closed": share,
+        "settling": _settling_json(settled),
+    }
+    title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
+    gap = gap_section(both, title, "A", "B", repeats=[closed_line(share)])
+    show_result(report, json_out, print_sections([gap, _settling_section(settled)]))
 
 
 def closed_line(share: float | None) -> str:
@@ -113,18 +109,10 @@ def _is_recording(path: Path) -> bool:
 
 
 def _machine_of(path: Path) -> Machine:
-    """The machine file, or the one inside a recording.
-
-    Raises:
-        ConfigError: it cannot be used.
-        UnusableInput: the recording cannot be read.
-    """
-    from stagectl.config import load_machine, parse_machine
+    """The machine file, or the one inside a recording."""
     from stagectl.store import RecordingBlocks
 
-    if _is_recording(path):
-        return parse_machine(RecordingBlocks(path).machine, f"{path}:machine")
-    return load_machine(path)
+    return machine_of(None, RecordingBlocks(path)) if _is_recording(path) else machine_of(path)
 
 
 def _name(path: Path) -> str:

@@ -3,27 +3,66 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import console_for, join_phases, progress_bar
+from stagectl.cli.console import ProgressUpdate, console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import HTML, JSON, MACHINE_FILE, RECIPE_FILE
 from stagectl.cli.files import Output, check_output
 from stagectl.cli.gap_measure import machine_of
-from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    FILE,
+    JSON_OUT,
+    RECORDING,
+    is_json_on_stdout,
+    option,
+    takes,
+    write_json,
+)
+from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:
     from hil_sim.effects import Value
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
-    from sim2real.diagnosis import Diagnosis
-    from sim2real.findings import NextExperiment
+    from sim2real.diagnosis import Diagnosis, Examination
+    from sim2real.findings import GapReport, NextExperiment
+    from sim2real.residuals import ResidualViews
     from stagectl.config import Machine
+    from stagedata import Recording
 
 _MAX_COMPARED = 8  # effects whose similarity is shown
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """What is written beside the terminal and JSON."""
+
+    html: Path | None = option("Write the report as an HTML page.", Output(HTML))
+    twin: Path | None = option(
+        "Write the machine file with the causes found added, and a table of what none explains.",
+        Output(MACHINE_FILE),
+    )
+    next: Path | None = option(
+        "Write a recipe of the moves that would settle most open questions.", Output(RECIPE_FILE)
+    )
+
+
+@dataclass(frozen=True)
+class _How:
+    """How the search goes."""
+
+    jobs: int = option("Threads to fit with.", click.IntRange(1), 2)
+    correct: bool = option(
+        "Correct faulty channels and continue with them.  [default: no]",
+        default=False,
+        flags="--correct/--no-correct",
+        show_default=False,
+    )
 
 
 @click.command("diagnose")
@@ -40,36 +79,15 @@ _MAX_COMPARED = 8  # effects whose similarity is shown
     metavar="REC.h5",
     help="Judge the causes on this recording too, which takes no part in finding them; repeatable.",
 )
-@click.option("--html", "html_out", type=Output(HTML), help="Write the report as an HTML page.")
-@click.option(
-    "--twin",
-    type=Output(MACHINE_FILE),
-    help="Write the machine file with the causes found added, and a table of what none explains.",
-)
-@click.option(
-    "--next",
-    "next_out",
-    type=Output(RECIPE_FILE),
-    help="Write a recipe of the moves that would settle most open questions.",
-)
-@click.option(
-    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
-)
-@click.option(
-    "--correct/--no-correct",
-    default=False,
-    help="Correct faulty channels and continue with them.  [default: no]",
-)
+@takes(_Outputs)
+@takes(_How)
 def diagnose(
+    outputs: _Outputs,
+    how: _How,
     recordings: tuple[Path, ...],
     machine: Path | None,
     json_out: Path | None,
     checks: tuple[Path, ...],
-    html_out: Path | None,
-    twin: Path | None,
-    next_out: Path | None,
-    jobs: int,
-    correct: bool,
 ) -> None:
     """Find out where simulation and recording differ and which physical effects cause it.
 
@@ -91,81 +109,118 @@ def diagnose(
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     # Each axis has its own thread; more threads inside linear algebra would slow them down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from hil_sim.effects.library import EffectError, library
-    from sim2real import diagnosis
-    from sim2real.diagnosis import PHASES, continue_clock, examine, examine_others, judge_elsewhere
-    from sim2real.diagnosis.examination import GAINS
-    from sim2real.findings import NO_GAP
+    from sim2real.diagnosis import PHASES
     from sim2real.residuals import residuals_json, view_residuals
-    from stagectl.config import stage_settings
-    from stagectl.errors import ConfigError, UnusableInput
     from stagectl.report import print_outline
-    from stagectl.report.gap import diagnosis_outline, render_gap_page
-    from stagectl.store import read_recording, write_atomically
+    from stagectl.report.gap import diagnosis_outline
+    from stagectl.store import read_recording
 
     recorded = [read_recording(path) for path in recordings]
     others = [read_recording(path) for path in checks]
     model = machine_of(machine, *recorded, fitted=True)
-    settings = stage_settings(model)
-    tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
     console = console_for(json_out)
     with progress_bar(console, "reading") as update:
-        progress = join_phases(PHASES, update)
-        try:
-            effects = library()
-            examined = examine(
-                recorded, settings, correct=correct, unknown=model.unknown, progress=progress
-            )
-            judges = None
-            if others and examined.insufficient is None:
-                clock = continue_clock(recorded, others)
-                judges = examine_others(examined, others, settings, correct=correct, clock=clock)
-            if judges is not None and judges.insufficient is not None:
-                raise UnusableInput(f"--check: {judges.insufficient}")
-            found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
-            report = found.report if judges is None else judge_elsewhere(found, judges)
-        except EffectError as error:
-            raise ConfigError(f"effects: {error}") from error
-        except ValueError as error:
-            raise UnusableInput(str(error)) from error
-    if json_out is not None or html_out is not None:
+        examined, found = _examine(recorded, others, model, how, join_phases(PHASES, update))
+    report = found.report
+    if json_out is not None or outputs.html is not None:
         views = view_residuals(examined.measured, found.explained or None, examined.settings)
         write_json(report.to_json() | residuals_json(views), json_out)
-    if html_out is not None:
-        page = render_gap_page(
-            report,
-            examined,
-            model.name,
-            explained=found.explained or None,
-            similarity=_similarity(found),
-            profiles=found.profiles,
-            views=views,
-        )
-        write_atomically(html_out, page, "report")
-    has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
+        if outputs.html is not None:
+            _write_page(outputs.html, examined, found, model.name, views)
     if not is_json_on_stdout(json_out):
         outline = diagnosis_outline(report, model.name, examined.measured)
         console.print(print_outline(outline), crop=False)
-        if next_out is not None and report.next_experiment is None:
-            console.print(f"{next_out} is not written: no moves to propose")
-        without = [name for name, figures in model.unknown.items() if GAINS in figures]
-        if twin is not None and has_twin and without:
-            console.print(
-                f"{twin} cannot run: the controller gains of {', '.join(without)} stay unknown, "
-                f"which no diagnosis finds",
-                soft_wrap=True,
-            )
-        if twin is not None and not has_twin:
-            console.print(
-                f"{twin} is not written: no cause was found, nor a smooth force that describes "
-                "the gap",
-            )
+        for line in _left_out(outputs, model, report):
+            console.print(line, soft_wrap=True)
     # After the report: if one of them cannot be written, the diagnosis is not lost.
-    if next_out is not None and report.next_experiment is not None:
-        write_atomically(next_out, _recipe(report.next_experiment), "recipe")
-    if twin is not None and has_twin:
-        _write_twin(twin, model, found, examined.settings)
-        _keep_measurement(twin, recordings)
+    if outputs.next is not None and report.next_experiment is not None:
+        _write_recipe(outputs.next, report.next_experiment)
+    if outputs.twin is not None and _has_twin(report):
+        _write_twin(outputs.twin, model, found, examined.settings)
+        _keep_measurement(outputs.twin, recordings)
+
+
+def _examine(
+    recorded: list[Recording],
+    others: list[Recording],
+    machine: Machine,
+    how: _How,
+    progress: ProgressUpdate,
+) -> tuple[Examination, Diagnosis]:
+    """The recordings with their gap, and its diagnosis, judged on other recordings where named."""
+    from hil_sim.effects.library import EffectError, library
+    from sim2real import diagnosis
+    from stagectl.config import stage_settings
+
+    settings = stage_settings(machine)
+    tolerance = {name: axis.plant.tolerance for name, axis in machine.axes.items()}
+    with unusable(EffectError, about="effects: "):
+        effects = library()
+    with unusable(ValueError):
+        examined = diagnosis.examine(
+            recorded, settings, correct=how.correct, unknown=machine.unknown, progress=progress
+        )
+        judges = None
+        if others and examined.insufficient is None:
+            clock = diagnosis.continue_clock(recorded, others)
+            judges = diagnosis.examine_others(
+                examined, others, settings, correct=how.correct, clock=clock
+            )
+        if judges is not None and judges.insufficient is not None:
+            raise UnusableInput(f"--check: {judges.insufficient}")
+        found = diagnosis.diagnose(examined, tolerance, effects, jobs=how.jobs, progress=progress)
+        if judges is not None:
+            found = replace(found, report=diagnosis.judge_elsewhere(found, judges))
+    return examined, found
+
+
+def _write_page(
+    path: Path,
+    examined: Examination,
+    found: Diagnosis,
+    machine: str,
+    views: Mapping[str, ResidualViews],
+) -> None:
+    from stagectl.report.gap import render_gap_page
+    from stagectl.store import write_atomically
+
+    page = render_gap_page(
+        found.report,
+        examined,
+        machine,
+        explained=found.explained or None,
+        similarity=_similarity(found),
+        profiles=found.profiles,
+        views=views,
+    )
+    write_atomically(path, page, "report")
+
+
+def _has_twin(report: GapReport) -> bool:
+    from sim2real.findings import NO_GAP
+
+    return bool(report.causes or report.empirical) or report.verdict == NO_GAP
+
+
+def _left_out(outputs: _Outputs, machine: Machine, report: GapReport) -> Iterator[str]:
+    """What is not written, or cannot run, and why."""
+    from sim2real.diagnosis.examination import GAINS
+
+    if outputs.next is not None and report.next_experiment is None:
+        yield f"{outputs.next} is not written: no moves to propose"
+    if outputs.twin is None:
+        return
+    without = [name for name, figures in machine.unknown.items() if GAINS in figures]
+    if not _has_twin(report):
+        yield (
+            f"{outputs.twin} is not written: no cause was found, nor a smooth force that describes "
+            "the gap"
+        )
+    elif without:
+        yield (
+            f"{outputs.twin} cannot run: the controller gains of {', '.join(without)} stay "
+            "unknown, which no diagnosis finds"
+        )
 
 
 def _keep_measurement(twin: Path, recordings: Sequence[Path]) -> None:
@@ -242,10 +297,11 @@ def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict
     }
 
 
-def _recipe(experiment: NextExperiment) -> str:
-    """A recipe file with the reason above it."""
+def _write_recipe(path: Path, experiment: NextExperiment) -> None:
+    """Write a recipe file with the reason above it."""
     import yaml
 
-    return f"# {experiment.why}\n" + yaml.safe_dump(
-        experiment.recipe(), sort_keys=False, default_flow_style=None
-    )
+    from stagectl.store import write_atomically
+
+    moves = yaml.safe_dump(experiment.recipe(), sort_keys=False, default_flow_style=None)
+    write_atomically(path, f"# {experiment.why}\n{moves}", "recipe")

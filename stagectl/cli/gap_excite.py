@@ -9,12 +9,13 @@ import click
 from stagectl.cli.file_kinds import RECIPE_FILE
 from stagectl.cli.files import Output
 from stagectl.cli.options import FILE
+from stagectl.errors import UnusableInput
 
 
 @click.command("excite")
 @click.option("--machine", type=FILE, help="Machine file.  [default: the reference stage]")
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this axis; repeatable.")
-@click.option("--out", type=Output(RECIPE_FILE), default=Path("excite.yaml"), show_default=True)
+@click.option("--out", type=Output(RECIPE_FILE), default=Path("excite.yaml"))
 def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
     """Write a recipe whose recording tells physical effects apart.
 
@@ -26,7 +27,6 @@ def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
 
     from sim2real.experiment import excite_axes
     from stagectl.config import load_machine, stage_settings
-    from stagectl.errors import UnusableInput
     from stagectl.recipe import dry_run, parse_recipe
     from stagectl.store import write_atomically
 

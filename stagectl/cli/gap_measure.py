@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import ProgressUpdate, console_for, progress_bar
-from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
+from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
+from stagectl.cli.options import FILE, JSON_OUT, RECORDING
+from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
@@ -39,17 +40,13 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
 
     recorded = RecordingBlocks(recording)
     model = machine_of(machine, recorded)
-    console = console_for(json_out)
-    with progress_bar(console, "simulating") as update:
+    with progress_bar(console_for(json_out), "simulating") as update:
         found = measured_gap(recorded, stage_settings(model), update)
     gap = found.gap()
-    if json_out is not None:
-        report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
-        write_json({**report, "gap": gap_json(gap)}, json_out)
-    if not is_json_on_stdout(json_out):
-        title = f"Gap of {model.name} against {recording.name} (rms)"
-        section = gap_section(gap, title, repeats=repeat_lines([found.repeats()]))
-        console.print(print_sections([section]), crop=False)
+    report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
+    title = f"Gap of {model.name} against {recording.name} (rms)"
+    section = gap_section(gap, title, repeats=repeat_lines([found.repeats()]))
+    show_result({**report, "gap": gap_json(gap)}, json_out, print_sections([section]))
 
 
 def machine_of(
@@ -67,7 +64,6 @@ def machine_of(
         ConfigError: the machine file cannot be used.
     """
     from stagectl.config import load_machine, parse_machine
-    from stagectl.errors import UnusableInput
 
     if machine is not None:
         return load_machine(machine, fitted=fitted)
@@ -93,12 +89,9 @@ def measured_gap(
 
     from sim2real.audit import repair_samples
     from sim2real.gap import DRAWS, GapMeter
-    from stagectl.errors import UnusableInput
 
     meter = GapMeter(settings, DRAWS, partial(update, "simulating"), len(recorded))
-    try:
+    with unusable(ValueError, about=f"{recorded.source}: "):
         for block in recorded:
             meter.add(repair_samples(block, settings)[0])
-    except ValueError as error:
-        raise UnusableInput(f"{recorded.source}: {error}") from error
     return meter

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from functools import wraps
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import click
+from typing import TYPE_CHECKING
 
 from stagectl.cli.files import HistoryFile
+from stagectl.cli.options import option
+from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:
     from stagectl.history import History, StageKey
@@ -20,8 +20,6 @@ DEFAULT_FILES = ("runs/stage.db", "stage.db")
 """Where a history is looked for."""
 
 
-OpenHistory = Callable[..., AbstractContextManager[tuple["History", "StageKey"]]]
-"""Opens the selected history, for writing with `write=True`; see `_open_history`."""
 Has = Callable[["History", "StageKey"], bool]
 """Whether a stage has in a history what a command needs."""
 
@@ -36,84 +34,61 @@ def has_estimates(history: History, stage: StageKey) -> bool:
     return history.counted(stage)[0] > 0
 
 
-def history_options(command: Callable[..., None]) -> Callable[..., None]:
-    """`--history`, `--stage`, `--simulated/--real`; the command takes an `OpenHistory` instead."""
+@dataclass(frozen=True)
+class HistoryOptions:
+    """Options that select a stage of a history."""
 
-    @wraps(command)
-    def with_history(
-        history: str | None, stage_name: str | None, simulated: bool | None, **others: Any
-    ) -> None:
-        def open_history(
-            write: bool = False, has: Has = has_maps
-        ) -> AbstractContextManager[tuple[History, StageKey]]:
-            return _open_history(history, stage_name, simulated, write, has)
+    history: str | None = option(
+        f"Friction history to read.  [default: {' or '.join(DEFAULT_FILES)}]", HistoryFile()
+    )
+    machine: str | None = option(
+        "Machine name, where the history has several that qualify.", flags="--stage"
+    )
+    simulated: bool | None = option(
+        "The simulated or the real stage, where both qualify.", flags="--simulated/--real"
+    )
 
-        command(open_history, **others)
+    @contextmanager
+    def open(self, write: bool = False, has: Has = has_maps) -> Iterator[tuple[History, StageKey]]:
+        """The history, and the one stage in it that the options select; closed at the end.
 
-    decorated: Callable[..., None] = with_history
-    for option in (
-        click.option(
-            "--simulated/--real",
-            "simulated",
-            default=None,
-            help="The simulated or the real stage, where both qualify.",
-        ),
-        click.option(
-            "--stage",
-            "stage_name",
-            help="Machine name, where the history has several that qualify.",
-        ),
-        click.option(
-            "--history",
-            type=HistoryFile(),
-            help=f"Friction history to read.  [default: {' or '.join(DEFAULT_FILES)}]",
-        ),
-    ):
-        decorated = option(decorated)
-    return decorated
+        Args:
+            write: open it for writing, too.
+            has: what the command needs: of several stages it is the only one that has it.
 
+        Raises:
+            UnusableInput: there is no history, or the options do not select exactly one stage.
+        """
+        from stagectl.history import open_history
 
-@contextmanager
-def _open_history(
-    where: str | None, stage_name: str | None, simulated: bool | None, write: bool, has: Has
-) -> Iterator[tuple[History, StageKey]]:
-    """The history, and the one stage in it that the options select; closed at the end.
-
-    Where they select several, it is the only one that has what the command needs.
-
-    Raises:
-        UnusableInput: there is no history, or the options do not select exactly one stage.
-    """
-    from stagectl.errors import UnusableInput
-    from stagectl.history import open_history
-
-    if where is None:
-        where = next((name for name in DEFAULT_FILES if Path(name).is_file()), None)
+        where = self.history
+        if where is None:
+            where = next((name for name in DEFAULT_FILES if Path(name).is_file()), None)
         if where is None:
             raise UnusableInput(
                 f"no friction history here ({', '.join(DEFAULT_FILES)}); name one with --history"
             )
-    history = open_history(where, write=False)
-    try:
-        known = history.stages()
-        stages = [
-            stage
-            for stage in known
-            if (stage_name is None or stage.machine == stage_name)
-            and (simulated is None or stage.simulated == simulated)
-        ]
-        if len(stages) > 1:
-            stages = [stage for stage in stages if has(history, stage)] or stages
-        if len(stages) != 1:
-            found = ", ".join(map(str, known)) or "nothing"
-            hint = "not among them" if not stages else "which one? --stage, --simulated or --real"
-            raise UnusableInput(f"{history.name}: has {found}: {hint}")
-        if write:
+        history = open_history(where, write=False)
+        try:
+            known = history.stages()
+            stages = [
+                stage
+                for stage in known
+                if self.machine in (None, stage.machine)
+                and self.simulated in (None, stage.simulated)
+            ]
+            if len(stages) > 1:
+                stages = [stage for stage in stages if has(history, stage)] or stages
+            if len(stages) != 1:
+                found = ", ".join(map(str, known)) or "nothing"
+                hint = "which one? --stage, --simulated or --real" if stages else "not among them"
+                raise UnusableInput(f"{history.name}: has {found}: {hint}")
+            if write:
+                history.close()
+                history = open_history(where, write=True)
+            yield history, stages[0]
+        finally:
             history.close()
-            history = open_history(where, write=True)
-        yield history, stages[0]
-    finally:
-        history.close()
 
 
 def select_version(
@@ -130,7 +105,6 @@ def select_version(
     Raises:
         UnusableInput: there is no such version.
     """
-    from stagectl.errors import UnusableInput
     from stagectl.maps import map_versions
 
     versions = map_versions(history, stage)

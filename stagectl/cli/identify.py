@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console
-from stagectl.cli.options import FILE, JSON_OUT, RECORDING, is_json_on_stdout, write_json
+from stagectl.cli.console import make_console, show_result
+from stagectl.cli.gap_measure import machine_of
+from stagectl.cli.options import FILE, JSON_OUT, RECORDING
+from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:
     from estimation.offline import Figure, Identification
@@ -33,7 +35,9 @@ FORMAT, VERSION = "stagectl-friction", 1
     type=click.IntRange(1, 64),
     help="Maxwell-slip elements.  [default: the machine file's]",
 )
-@click.option("--shape/--no-shape", default=True, help="Also print every k_i and nu_i.")
+@click.option(
+    "--shape/--no-shape", default=True, show_default=False, help="Also print every k_i and nu_i."
+)
 @JSON_OUT
 def command(
     recordings: tuple[Path, ...],
@@ -61,16 +65,10 @@ def command(
     from rich.text import Text
 
     from stagectl.calibration import identify_axis
-    from stagectl.config import load_machine, parse_machine
-    from stagectl.errors import UnusableInput
     from stagectl.store import read_recording
 
     read = [read_recording(path) for path in recordings]
-    model = (
-        load_machine(machine)
-        if machine is not None
-        else parse_machine(read[0].machine, f"{recordings[0]}:machine")
-    )
+    model = machine_of(machine, read[0])
     for name in only:
         if name not in model.axes:
             raise UnusableInput(f"{model.source}: no axis {name!r}, it has {', '.join(model.axes)}")
@@ -79,10 +77,8 @@ def command(
     for name in only or tuple(model.axes):
         with console.status(Text(f"axis {name}")):
             found[name] = identify_axis(read, model, name, elements)
-    write_json(_report(found, recordings, model.name), json_out)
-    if not is_json_on_stdout(json_out):
-        for name, answer in found.items():
-            click.echo("\n".join(_lines(name, answer, shape)))
+    lines = (line for name, answer in found.items() for line in _lines(name, answer, shape))
+    show_result(_report(found, recordings, model.name), json_out, *lines)
 
 
 def _report(

@@ -10,18 +10,24 @@ from stagectl.cli.console import console_for
 from stagectl.cli.file_kinds import HTML, TABLE
 from stagectl.cli.files import Output
 from stagectl.cli.history_access import (
-    OpenHistory,
+    HistoryOptions,
     has_estimates,
     has_maps,
-    history_options,
     select_version,
 )
-from stagectl.cli.options import JSON_OUT, NumberRange, Quantity, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    JSON_OUT,
+    NumberRange,
+    Quantity,
+    is_json_on_stdout,
+    takes,
+    write_json,
+)
 
 
 @click.command("show")
 @click.argument("number", type=int, required=False)
-@history_options
+@takes(HistoryOptions)
 @click.option(
     "--html", type=Output(HTML), help="Write heat maps, trends and changes as an HTML page."
 )
@@ -34,7 +40,7 @@ from stagectl.cli.options import JSON_OUT, NumberRange, Quantity, is_json_on_std
 )
 @JSON_OUT
 def show(
-    open_history: OpenHistory, number: int | None, html: Path | None,
+    histories: HistoryOptions, number: int | None, html: Path | None,
     at: tuple[float, float] | None, json_out: Path | None,
 ) -> None:  # fmt: skip
     """Print the friction parameters and sites of version NUMBER.
@@ -50,7 +56,7 @@ def show(
     )
     from stagectl.report import print_outline, print_sections
 
-    with open_history() as (opened, stage):
+    with histories.open() as (opened, stage):
         version = select_version(opened, stage, number)
         older = [v for v in map_versions(opened, stage) if v.number < version.number]
         before = older[-1] if older else None
@@ -64,14 +70,14 @@ def show(
 
 
 @click.command("history")
-@history_options
+@takes(HistoryOptions)
 @JSON_OUT
-def list_versions(open_history: OpenHistory, json_out: Path | None) -> None:
+def list_versions(histories: HistoryOptions, json_out: Path | None) -> None:
     """List all versions, and when each was in use."""
     from stagectl.maps import map_versions, versions_as_json, versions_sections
     from stagectl.report import print_sections
 
-    with open_history() as (opened, stage):
+    with histories.open() as (opened, stage):
         versions, used = map_versions(opened, stage), opened.activations(stage)
     sections = versions_sections(stage, versions, used)
     console_for(json_out).print(print_sections(sections), crop=False)
@@ -81,15 +87,15 @@ def list_versions(open_history: OpenHistory, json_out: Path | None) -> None:
 @click.command("compare")
 @click.argument("old", type=int)
 @click.argument("new", type=int)
-@history_options
+@takes(HistoryOptions)
 @JSON_OUT
-def compare(open_history: OpenHistory, old: int, new: int, json_out: Path | None) -> None:
+def compare(histories: HistoryOptions, old: int, new: int, json_out: Path | None) -> None:
     """Show what changed from version OLD to version NEW, site by site."""
     from stagectl.maps import changes_as_json, changes_sections
     from stagectl.maps import compare as compare_maps
     from stagectl.report import print_sections
 
-    with open_history() as (opened, stage):
+    with histories.open() as (opened, stage):
         first = select_version(opened, stage, old)
         second = select_version(opened, stage, new)
     changes = compare_maps(first.map, second.map)
@@ -107,21 +113,20 @@ def compare(open_history: OpenHistory, old: int, new: int, json_out: Path | None
     "--what",
     type=click.Choice(["sites", "grid", "estimates", "refused"]),
     default="sites",
-    show_default=True,
     help="The map's sites; the map on a grid; or, from the history, every accepted estimate or "
     "every refused one with the reason.",
 )
-@click.option("--step", type=NumberRange(1e-5, 1.0), default=5e-3, show_default=True,
+@click.option("--step", type=NumberRange(1e-5, 1.0), default=5e-3,
               help="Grid spacing [m].")  # fmt: skip
-@history_options
+@takes(HistoryOptions)
 def export(
-    open_history: OpenHistory, out: Path, number: int | None, what: str, step: float
+    histories: HistoryOptions, out: Path, number: int | None, what: str, step: float
 ) -> None:
     """Write a table to OUT: .csv, or .parquet (needs pyarrow)."""
     from stagectl.maps.output import export as tables
 
     needed = has_estimates if what in ("estimates", "refused") else has_maps
-    with open_history(has=needed) as (opened, stage):
+    with histories.open(has=needed) as (opened, stage):
         if what == "estimates":
             table = tables.trend_table(opened, stage)
         elif what == "refused":

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from stagectl.cli.history_access import (
-    OpenHistory,
+    HistoryOptions,
     has_estimates,
-    history_options,
     select_version,
 )
-from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    FILE,
+    JSON_OUT,
+    NumberRange,
+    UtcTime,
+    is_json_on_stdout,
+    option,
+    takes,
+    write_json,
+)
+from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:
     from stagectl.history import History, StageKey
@@ -25,35 +35,37 @@ MAX_AGE = 365.0
 """Default age from which a map is refused [days]."""
 
 
-def _check_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """`--machine` and `--max-age`: what a version is checked against."""
-    for option in (
-        click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
-                     help="Refuse a map older than this [days]."),
-        click.option("--machine", type=FILE,
-                     help="Machine file that the map must fit.  [default: wafer-xy]"),
-    ):  # fmt: skip
-        command = option(command)
-    return command
+@dataclass(frozen=True)
+class _Check:
+    """What a version is checked against."""
+
+    machine: Path | None = option("Machine file that the map must fit.  [default: wafer-xy]", FILE)
+    max_age: float = option("Refuse a map older than this [days].", NumberRange(0.0), MAX_AGE)
 
 
 @click.command("build")
-@history_options
-@click.option("--date", type=click.DateTime(), help="State of the map at this date, UTC [now].")
-@click.option("--since", type=click.DateTime(), help="Ignore estimates before this date, UTC.")
-@click.option("--comment", default="", help="Stored with the map.")
-def build(
-    open_history: OpenHistory, date: datetime | None, since: datetime | None, comment: str
-) -> None:
+@takes(HistoryOptions)
+@click.option(
+    "--date",
+    type=UtcTime(),
+    default=math.inf,
+    show_default=False,
+    help="State of the map at this date, UTC [now].",
+)
+@click.option(
+    "--since",
+    type=UtcTime(),
+    default=-math.inf,
+    show_default=False,
+    help="Ignore estimates before this date, UTC.",
+)
+@click.option("--comment", default="", show_default=False, help="Stored with the map.")
+def build(histories: HistoryOptions, date: float, since: float, comment: str) -> None:
     """Build a new version from the estimates in the history. Runs use it once it is activated."""
     from stagectl.maps import build_map, to_json
 
-    def timestamp(value: datetime | None, default: float) -> float:
-        return default if value is None else value.replace(tzinfo=UTC).timestamp()
-
-    with open_history(write=True, has=has_estimates) as (opened, stage):
-        until, first = timestamp(date, float("inf")), timestamp(since, float("-inf"))
-        built = build_map(opened, stage, until, first)
+    with histories.open(write=True, has=has_estimates) as (opened, stage):
+        built = build_map(opened, stage, date, since)
         number = opened.save_map(stage, datetime.now(UTC).timestamp(), comment, to_json(built))
     sites = ", ".join(f"{name}: {len(axis.sites)} sites" for name, axis in built.axes.items())
     click.echo(
@@ -63,37 +75,35 @@ def build(
 
 @click.command("activate")
 @click.argument("number", type=int, required=False)
-@history_options
-@_check_options
+@takes(HistoryOptions)
+@takes(_Check)
 @click.option("--check", is_flag=True, help="Only report whether it could be activated.")
 @JSON_OUT
 def activate(
-    open_history: OpenHistory, number: int | None, machine: Path | None, check: bool,
-    max_age: float, json_out: Path | None,
+    histories: HistoryOptions, against: _Check, number: int | None, check: bool,
+    json_out: Path | None,
 ) -> None:  # fmt: skip
     """Put version NUMBER [the latest] into use: further runs with this history use it.
 
     Refused if the map does not fit the machine file or is too old.
     """
-    with open_history(write=not check) as (opened, stage):
+    with histories.open(write=not check) as (opened, stage):
         version = select_version(opened, stage, number, latest=True)
         reason = None if check else "activated"
-        _activate(opened, stage, version, machine, max_age, reason, json_out)
+        _activate(opened, stage, version, against, reason, json_out)
 
 
 @click.command("rollback")
-@history_options
-@_check_options
+@takes(HistoryOptions)
+@takes(_Check)
 @JSON_OUT
-def rollback(
-    open_history: OpenHistory, machine: Path | None, max_age: float, json_out: Path | None
-) -> None:
+def rollback(histories: HistoryOptions, against: _Check, json_out: Path | None) -> None:
     """Return to the version that was in use before the current one, or to none."""
-    with open_history(write=True) as (opened, stage):
+    with histories.open(write=True) as (opened, stage):
         number = _previous_version(opened, stage)
         if number is not None:
             version = select_version(opened, stage, number)
-            _activate(opened, stage, version, machine, max_age, "rolled back", json_out)
+            _activate(opened, stage, version, against, "rolled back", json_out)
             return
         from stagectl.maps import activation_as_json
 
@@ -104,8 +114,6 @@ def rollback(
 
 def _previous_version(history: History, stage: StageKey) -> int | None:
     """The version used before the current one; repeated rollbacks go further back each time."""
-    from stagectl.errors import UnusableInput
-
     used: list[int | None] = [None]
     for entry in history.activations(stage):
         if entry.reason == "rolled back":
@@ -119,19 +127,18 @@ def _previous_version(history: History, stage: StageKey) -> int | None:
 
 
 def _activate(
-    history: History, stage: StageKey, version: MapVersion, machine: Path | None, max_age: float,
-    reason: str | None, json_out: Path | None,
+    history: History, stage: StageKey, version: MapVersion, against: _Check, reason: str | None,
+    json_out: Path | None,
 ) -> None:  # fmt: skip
     """Check a version and report the findings; put it into use unless `reason` is None."""
     from stagectl.config import load_machine
-    from stagectl.errors import UnusableInput
     from stagectl.maps import activation_as_json, outdated, problems
 
     now, quiet = datetime.now(UTC).timestamp(), is_json_on_stdout(json_out)
-    model = load_machine(machine)
-    found = [*problems(version.map, model), *outdated(version.map, now, max_age)]
+    model = load_machine(against.machine)
+    found = [*problems(version.map, model), *outdated(version.map, now, against.max_age)]
     grave = [problem.text for problem in found if problem.grave]
-    if grave and machine is None and stage.machine != model.name:
+    if grave and against.machine is None and stage.machine != model.name:
         grave.append(f"name the machine file of {stage.machine} with --machine")
     write_json(
         activation_as_json(stage, version.number, found, None if grave else reason), json_out

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
+from stagectl.cli.bus_access import Bench
 from stagectl.cli.file_kinds import FRAME_LOG
 from stagectl.cli.files import Output
-from stagectl.cli.options import NumberRange
+from stagectl.cli.options import NumberRange, takes
 from stagectl.cli.signals import interruptible
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _SIMULATED = 1.0
 
 
 @click.command
-@bench_options
+@takes(Bench)
 @click.option("--passive", is_flag=True,
               help="Send nothing; PDOs are read by the EDS until a mapping is heard.")  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Show every frame, also those that repeat.")

@@ -2,62 +2,71 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, make_console
+from stagectl.cli.console import console_for, make_console, make_table
 from stagectl.cli.file_kinds import HTML, JSON
 from stagectl.cli.files import Output, check_output
-from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    FILE,
+    JSON_OUT,
+    NumberRange,
+    is_json_on_stdout,
+    option,
+    takes,
+    write_json,
+)
 from stagectl.cli.signals import interruptible
-from stagectl.cli.stage_options import load_machines, stage_options
+from stagectl.cli.stage_options import StageOptions
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from estimation.observer import Design
     from stagectl.config import Machine
     from stagectl.measurement import AxisFindings, Measurement
 
 
+@dataclass(frozen=True)
+class _MeasureOptions:
+    """Of a measurement."""
+
+    measure: bool = option("Measure the stage: it moves, after a question.", default=False)
+    yes: bool = option("Measure without asking.", default=False)
+    out: Path | None = option(
+        "File of the measurement.  [default: MACHINE.response.json beside the machine file; none "
+        "with --simulate]",
+        Output(JSON),
+    )
+
+
+@dataclass(frozen=True)
+class _DesignOptions:
+    """Of what is made of a measurement."""
+
+    measurement: Path | None = option(
+        "Design by this measurement.  [default: the one beside the machine file, if any]", FILE
+    )
+    friction_scale: float = option(
+        "Machine file's friction parameters times this factor, as in a run.",
+        NumberRange(0.01, 100.0),
+        1.0,
+    )
+    html: Path | None = option("Write Bode and Nyquist plots.", Output(HTML))
+
+
 @click.command
-@stage_options
-@click.option("--measure", is_flag=True, help="Measure the stage: it moves, after a question.")
-@click.option("--yes", is_flag=True, help="Measure without asking.")
-@click.option(
-    "--out",
-    type=Output(JSON),
-    help="File of the measurement.  [default: MACHINE.response.json beside the machine file; none "
-    "with --simulate]",
-)
-@click.option(
-    "--measurement",
-    type=FILE,
-    help="Design by this measurement.  [default: the one beside the machine file, if any]",
-)
-@click.option(
-    "--friction-scale",
-    type=NumberRange(0.01, 100.0),
-    default=1.0,
-    show_default=True,
-    help="Machine file's friction parameters times this factor, as in a run.",
-)
-@click.option("--html", "html_out", type=Output(HTML), help="Write Bode and Nyquist plots.")
+@takes(StageOptions)
+@takes(_MeasureOptions)
+@takes(_DesignOptions)
 @JSON_OUT
 def command(
-    machine: Path | None,
-    simulate: Path | None,
-    bus: tuple[str, str] | None,
-    seed: int,
-    measure: bool,
-    yes: bool,
-    out: Path | None,
-    measurement: Path | None,
-    friction_scale: float,
-    html_out: Path | None,
-    json_out: Path | None,
+    stage: StageOptions, how: _MeasureOptions, design: _DesignOptions, json_out: Path | None
 ) -> None:
     """Measure how the axes respond, design their settling observers, and print the margins.
 
@@ -76,47 +85,54 @@ def command(
     change of gains, SYNC period or drive. `observer: trust` in the machine file has an axis'
     observer designed from the file, unmeasured; `observer: none` has it off.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.measurement import load_measurement, parse_measurement, response_path
+    from stagectl.measurement import load_measurement, response_path
 
-    if measure and measurement is not None:
+    if how.measure and design.measurement is not None:
         raise click.UsageError("--measurement is for a design without --measure")
-    if not measure and (out is not None or yes or simulate is not None or bus is not None):
+    asks = how.out is not None or how.yes or stage.simulate is not None or stage.bus is not None
+    if asks and not how.measure:
         raise click.UsageError("--out, --yes, --simulate and --bus need --measure")
-    stage, truth = load_machines(machine, simulate, bus, moves=measure)
+    machine, truth = stage.load(moves=how.measure)
     used: Measurement | None = None
-    if measure:
-        where = out
-        if where is None and truth is None:
-            where = response_path(stage, machine)
-            check_output(where, JSON)
-        text = _measure(stage, truth, bus, seed, yes).as_text()
-        used = parse_measurement(text, "the measurement")  # as a run will read it
-        if where is not None:
-            from stagectl.store import write_atomically
-
-            write_atomically(where, text, "measurement")
-            click.echo(f"measurement written to {where}", err=True)
-    elif measurement is not None:
-        used = load_measurement(measurement)
+    if how.measure:
+        used = _measured(machine, truth, stage, how)
+    elif design.measurement is not None:
+        used = load_measurement(design.measurement)
     else:
-        beside = response_path(stage, machine)
+        beside = response_path(machine, stage.machine)
         used = load_measurement(beside) if beside.exists() else None
-    if html_out is not None and used is None:
+    if design.html is not None and used is None:
         raise click.UsageError("--html draws a measurement: use --measure, or --measurement")
-    _show(stage, used, friction_scale, html_out, json_out)
+    _show(machine, used, design, json_out)
+
+
+def _measured(
+    machine: Machine, truth: Machine | None, stage: StageOptions, how: _MeasureOptions
+) -> Measurement:
+    """A new measurement, written to its file."""
+    from stagectl.measurement import parse_measurement, response_path
+
+    where = how.out
+    if where is None and truth is None:
+        where = response_path(machine, stage.machine)
+        check_output(where, JSON)
+    text = _measure(machine, truth, stage, how.yes).as_text()
+    used = parse_measurement(text, "the measurement")  # as a run will read it
+    if where is not None:
+        from stagectl.store import write_atomically
+
+        write_atomically(where, text, "measurement")
+        click.echo(f"measurement written to {where}", err=True)
+    return used
 
 
 def _measure(
-    machine: Machine,
-    truth: Machine | None,
-    bus: tuple[str, str] | None,
-    seed: int,
-    yes: bool,
+    machine: Machine, truth: Machine | None, stage: StageOptions, yes: bool
 ) -> Measurement:
     from stagectl.measurement import measure_on_bus, measure_simulated
 
     if truth is not None:
-        return measure_simulated(machine, truth, seed)
+        return measure_simulated(machine, truth, stage.seed)
 
     def agreed(lines: list[str]) -> bool:
         click.echo("The measurement shakes and slides the axes:", err=True)
@@ -136,7 +152,7 @@ def _measure(
     now = datetime.now(UTC).astimezone()
     try:
         with interruptible() as stopped:
-            return measure_on_bus(machine, bus, agreed, now, stopped, progress)
+            return measure_on_bus(machine, stage.bus, agreed, now, stopped, progress)
     finally:
         bar.stop()
 
@@ -144,8 +160,7 @@ def _measure(
 def _show(
     machine: Machine,
     measurement: Measurement | None,
-    friction_scale: float,
-    html_out: Path | None,
+    asked: _DesignOptions,
     json_out: Path | None,
 ) -> None:
     """Print the designs and what the measurement contradicts."""
@@ -154,7 +169,7 @@ def _show(
     from stagectl.measurement import find_contradictions
 
     friction = {
-        name: axis.plant.friction.figures.scaled(friction_scale)
+        name: axis.plant.friction.figures.scaled(asked.friction_scale)
         for name, axis in machine.axes.items()
     }
     period = machine.bus.sync_period
@@ -174,11 +189,11 @@ def _show(
     write_json(
         {"measured": None if measurement is None else measurement.measured, "axes": axes}, json_out
     )
-    if html_out is not None and measurement is not None:
+    if asked.html is not None and measurement is not None:
         from stagectl.report.response import write_response_page
 
-        write_response_page(html_out, machine, measurement, designs, findings)
-        click.echo(f"plots written to {html_out}", err=True)
+        write_response_page(asked.html, machine, measurement, designs, findings)
+        click.echo(f"plots written to {asked.html}", err=True)
     if is_json_on_stdout(json_out):
         return
     console = console_for(json_out)
@@ -233,40 +248,36 @@ def _figures(found: Design | str) -> dict[str, Any]:
     }
 
 
-def _table(designs: dict[str, Design | str], name: str, measurement: Measurement | None) -> Any:
-    from rich.table import Table
-
+def _table(designs: dict[str, Design | str], name: str, measurement: Measurement | None) -> Table:
     how = "from the machine file" if measurement is None else "as measured"
     if measurement is not None and measurement.measured is not None:
         how += f" on {measurement.measured[:16].replace('T', ' ')}"
-    table = Table(title=f"{name}: settling observer, {how}", title_justify="left")
-    table.add_column("")
-    for axis in designs:
-        table.add_column(axis, justify="right")
-    rows = [_figures(found) for found in designs.values()]
-    table.add_row("observer", *("on" if r["on"] else r["reason"] for r in rows))
+    axes = [_figures(found) for found in designs.values()]
 
-    def add(label: str, *keys: str, scale: float = 1.0, form: str = ".3g") -> None:
+    def row(label: str, *keys: str, scale: float = 1.0, form: str = ".3g") -> list[str]:
         cells = []
-        for figures in rows:
+        for figures in axes:
             value: Any = figures
             for key in keys:
                 value = value.get(key) if value is not None else None
             cells.append("" if value is None else format(value * scale, form))
-        table.add_row(label, *cells)
+        return [label, *cells]
 
-    add("gain per SYNC", "gain")
-    add("time constant, ms", "time_constant", scale=1e3)
-    add("limit of the correction, N", "limit")
-    add("assumed stiffness, N/m", "assumed_stiffness")
-    table.add_section()
     peak = "sensitivity_peak"
-    add("peak sensitivity: drive alone", peak, "drive_alone", form=".2f")
-    add("  offset 1 SYNC after the sample", peak, "latency_1", form=".2f")
-    add("  offset 2 SYNCs after the sample", peak, "latency_2", form=".2f")
+    rows = [
+        ["observer", *("on" if of["on"] else of["reason"] for of in axes)],
+        row("gain per SYNC", "gain"),
+        row("time constant, ms", "time_constant", scale=1e3),
+        row("limit of the correction, N", "limit"),
+        row("assumed stiffness, N/m", "assumed_stiffness"),
+        None,
+        row("peak sensitivity: drive alone", peak, "drive_alone", form=".2f"),
+        row("  offset 1 SYNC after the sample", peak, "latency_1", form=".2f"),
+        row("  offset 2 SYNCs after the sample", peak, "latency_2", form=".2f"),
+    ]
     if measurement is None:
-        add("  worst, with figures off", peak, "worst", form=".2f")
+        rows.append(row("  worst, with figures off", peak, "worst", form=".2f"))
     else:
-        add("  worst, by the measured response", "measured", "peak", form=".2f")
-        add("gain margin by the measured response", "measured", "gain", form=".2f")
-    return table
+        rows.append(row("  worst, by the measured response", "measured", "peak", form=".2f"))
+        rows.append(row("gain margin by the measured response", "measured", "gain", form=".2f"))
+    return make_table(f"{name}: settling observer, {how}", ["", *designs], rows, designs)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from datetime import UTC
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,21 +18,56 @@ from stagectl.cli.files import Input, Output, check_output
 
 if TYPE_CHECKING:
     from stagectl.config.parsing.units import Dimension
+    from stagectl.run import Remarks
 
 DATA = Path(__file__).parents[1] / "data"
 FILE = Input()
 """A file to read."""
 
 
+def option(
+    text: str, kind: Any = None, default: Any = None, *, flags: str = "", **more: Any
+) -> Any:
+    """A field that is an option, in a dataclass for `takes`.
+
+    Args:
+        text: its help.
+        kind: of its value; None for that of the default.
+        default: its value where it is not given.
+        flags: its names; by default the field's own.
+        more: of `click.option`.
+    """
+    is_flag = True if isinstance(default, bool) else None
+    attributes = {"help": text, "type": kind, "default": default, "is_flag": is_flag, **more}
+    return field(default=default, metadata={"flags": flags, "attributes": attributes})
+
+
+def takes(group: type[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A decorator: the command has the options that a dataclass declares, and takes its object.
+
+    Objects of several groups come first, in the order of the decorators; then all else by name.
+    """
+    declared = fields(group)
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_group(*before: Any, **values: Any) -> None:
+            own = {each.name: values.pop(each.name) for each in declared}
+            command(*before, group(**own), **values)
+
+        made: Callable[..., None] = with_group
+        for each in reversed(declared):
+            flags = each.metadata["flags"] or f"--{each.name.replace('_', '-')}"
+            made = click.option(flags, each.name, **each.metadata["attributes"])(made)
+        return made
+
+    return decorate
+
+
 class Recording(Input):
     """A recording, by its path or by the folder of its run."""
 
-    def convert(
-        self,
-        value: str | os.PathLike[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | bytes | os.PathLike[str]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """The file; other files are passed on as they are: whoever reads it has the message."""
         path = Path(value)
         if not path.is_dir():
@@ -62,12 +99,7 @@ class _Packaged(Input):
         super().__init__()
         self._folder = folder
 
-    def convert(
-        self,
-        value: str | os.PathLike[str],
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> str | bytes | os.PathLike[str]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """The file; if there is none, the packaged NAME, NAME.yaml or FOLDER/NAME.yaml."""
         path = Path(value)
         if not path.exists() and path.parent in (Path(), Path(self._folder)):
@@ -134,32 +166,28 @@ class Quantity(click.ParamType[float]):
             self.fail(str(error), param, ctx)
 
 
-class _Line(click.ParamType[str]):
-    """A line of text. Control characters would end up on other people's screens."""
+class UtcTime(click.DateTime):
+    """A date and time in UTC, as seconds since 1970."""
 
-    name = "TEXT"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The line, without space around it."""
-        line = str(value).strip()
-        if not line.isprintable():
-            self.fail("must be one line without control characters", param, ctx)
-        return line
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """In seconds."""
+        if isinstance(value, float):
+            return value
+        return super().convert(value, param, ctx).replace(tzinfo=UTC).timestamp()
 
 
-def run_by_options(command: Callable[..., None]) -> Callable[..., None]:
-    """`--operator` and `--comment` of commands that make a run."""
-    for option in (
-        click.option("--comment", type=_Line(), help="One-line comment, stored with the run."),
-        click.option(
-            "--operator",
-            type=_Line(),
-            metavar="NAME",
-            help="Name of the operator, stored with the run.",
-        ),
-    ):
-        command = option(command)
-    return command
+@dataclass(frozen=True)
+class RunBy:
+    """Options of commands that make a run."""
+
+    operator: str | None = option("Name of the operator, stored with the run.", metavar="NAME")
+    comment: str | None = option("One-line comment, stored with the run.")
+
+    def remarks(self) -> Remarks:
+        """For the run."""
+        from stagectl.run import Remarks
+
+        return Remarks((self.operator or "").strip() or None, (self.comment or "").strip() or None)
 
 
 class BusType(click.ParamType[tuple[str, str]]):

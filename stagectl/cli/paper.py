@@ -2,21 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from stagectl.cli.console import console_for, progress_bar
 from stagectl.cli.file_kinds import PAGE
 from stagectl.cli.files import Output
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, option, takes, write_json
+from stagectl.errors import unusable
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from stagectl.paper import Study
+
+
+@dataclass(frozen=True)
+class _CaseOptions:
+    """What the paper does not specify."""
+
+    rate: int = option("Sampling rate [Hz].", default=20_000)
+    cut_off: float = option("Cut-off of the low-pass filter [Hz]; 0: none.", default=500.0)
+    profile: Literal["sine", "jerk-limited"] = option(
+        "Motion profile of the setpoints.", click.Choice(["sine", "jerk-limited"]), "sine"
+    )
+    bandwidth: float = option("-3 dB bandwidth of the position loop [Hz].", default=100.0)
+    feedforward: bool = option("Add acceleration feedforward.", default=False)
+    initial: Literal["tied", "reference", "measured", "free"] = option(
+        "Element forces where zone A begins: the model's slip force, that of the reference "
+        "values, measured, or estimated (in zone B, too).",
+        click.Choice(["tied", "reference", "measured", "free"]),
+        "tied",
+    )
+    bounds: Literal["bounded", "shortened"] = option(
+        "Steps: the minimiser within p >= 0, or Gauss-Newton steps halved until they stay within.",
+        click.Choice(["bounded", "shortened"]),
+        "bounded",
+    )
 
 
 @click.command
@@ -25,43 +50,8 @@ if TYPE_CHECKING:
     "--out", type=Output(PAGE), help="Write a Markdown page, and its plots to images/ next to it."
 )
 @click.option("--quick", is_flag=True, help="Fewer noisy runs, no sensitivity study.")
-@click.option("--rate", default=20_000, show_default=True, help="Sampling rate [Hz].")
-@click.option(
-    "--cut-off",
-    default=500.0,
-    show_default=True,
-    help="Cut-off of the low-pass filter [Hz]; 0: none.",
-)
-@click.option(
-    "--profile",
-    type=click.Choice(["sine", "jerk-limited"]),
-    default="sine",
-    show_default=True,
-    help="Motion profile of the setpoints.",
-)
-@click.option(
-    "--bandwidth",
-    default=100.0,
-    show_default=True,
-    help="-3 dB bandwidth of the position loop [Hz].",
-)
-@click.option("--feedforward", is_flag=True, help="Add acceleration feedforward.")
-@click.option(
-    "--initial",
-    type=click.Choice(["tied", "reference", "measured", "free"]),
-    default="tied",
-    show_default=True,
-    help="Element forces where zone A begins: the model's slip force, that of the reference "
-    "values, measured, or estimated (in zone B, too).",
-)
-@click.option(
-    "--bounds",
-    type=click.Choice(["bounded", "shortened"]),
-    default="bounded",
-    show_default=True,
-    help="Steps: the minimiser within p >= 0, or Gauss-Newton steps halved until they stay within.",
-)
-def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any) -> None:
+@takes(_CaseOptions)
+def command(given: _CaseOptions, json_out: Path | None, out: Path | None, quick: bool) -> None:
     """Simulate section IV of the source paper and check its tables and claims.
 
     A move of 25 mm, 16 friction elements in the plant and 4 in the model, no noise. One window is
@@ -70,25 +60,16 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
     """
     from functools import partial
 
-    from stagectl.errors import UnusableInput
     from stagectl.paper import Case, Options, Processing, Setup, page, study, tables
 
     console = console_for(json_out)
-    with progress_bar(console, "simulating") as update:
-        try:
-            case = Case(
-                Setup(
-                    **{
-                        name: chosen[name]
-                        for name in ("rate", "profile", "bandwidth", "feedforward")
-                    }
-                ),
-                Processing(cut_off=chosen["cut_off"] or None),
-                options=Options(initial=chosen["initial"], bounds=chosen["bounds"]),
-            )
-            found = study.run(case, quick, partial(update, "simulating"))
-        except ValueError as error:
-            raise UnusableInput(f"paper: {error}") from error
+    with progress_bar(console, "simulating") as update, unusable(ValueError, about="paper: "):
+        case = Case(
+            Setup(given.rate, given.profile, given.bandwidth, given.feedforward),
+            Processing(cut_off=given.cut_off or None),
+            options=Options(initial=given.initial, bounds=given.bounds),
+        )
+        found = study.run(case, quick, partial(update, "simulating"))
     if json_out is not None:
         write_json(
             {

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console
+from stagectl.cli.console import make_console, show_result
 from stagectl.cli.files import InputFolder
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT
 
 if TYPE_CHECKING:
     from stagectl.run.replay import ReplayResult
@@ -42,10 +42,7 @@ def command(run: Path, json_out: Path | None) -> None:
                 status.update(Text(f"{event.kind}-move{where}"))
 
         result = replay(run, Listener(event=show))
-    write_json(_as_dict(result), json_out)
-    if not is_json_on_stdout(json_out):
-        for line in _lines(result, run):
-            click.echo(line)
+    show_result(_as_dict(result), json_out, *_lines(result, run))
     if result.difference is not None or result.sealed is False:
         raise click.exceptions.Exit(1)
 

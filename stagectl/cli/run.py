@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,12 +16,15 @@ from stagectl.cli.options import (
     JSON_OUT,
     RECIPE,
     NumberRange,
+    RunBy,
     is_json_on_stdout,
-    run_by_options,
+    option,
+    takes,
     write_json,
 )
 from stagectl.cli.signals import stop_on_signal
-from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
+from stagectl.cli.stage_options import StageCommand, StageOptions
+from stagectl.errors import LimitsMissed
 
 if TYPE_CHECKING:
     from stagectl.run import RunRequest
@@ -30,87 +33,77 @@ DEFAULT_BUDGET = 5.0
 """Time for calibration sites in a run, if neither option nor calibration file sets it [s]."""
 
 
+@dataclass(frozen=True)
+class _RunOptions:
+    """What the host does, with which files."""
+
+    compensation: str = option(
+        "Force feedforward. none: acceleration force only; model: plus friction by the machine "
+        "file; estimated: plus friction estimated online; oracle: plus TRUTH's friction.",
+        click.Choice(["none", "model", "estimated", "oracle"]),
+        "estimated",
+    )
+    friction_scale: float = option(
+        "Start from the machine file's friction parameters times this factor.",
+        NumberRange(0.01, 100.0),
+        1.0,
+    )
+    observer: bool = option(
+        "Correct the force offset at every SYNC from the measured position, on every axis that can "
+        "have an observer (stagectl observer).",
+        default=True,
+        flags="--observer/--no-observer",
+    )
+    measurement: Path | None = option(
+        "Design the observers by this measurement of the stage.  [default: the one beside the "
+        "machine file; with --simulate, the virtual stage is measured]",
+        FILE,
+    )
+    faults: Path | None = option(
+        "Inject the bus and drive faults of this file; needs --simulate (docs/faults.md).", FILE
+    )
+    out: Path | None = option(
+        "Folder for recording, summary, report and bus log.  [default: runs/RECIPE-TIME]",
+        OutputFolder(),
+    )
+    resume: Path | None = option(
+        "Continue the interrupted run in folder RUN after its last finished site.",
+        InputFolder(),
+        metavar="RUN",
+    )
+    retries: int = option(
+        "Restart a site after a recoverable fault at most this many times.",
+        click.IntRange(0, 100),
+        0,
+    )
+    history: str | None = option(
+        "Friction history to write to.  [default: stage.db next to the run's folder; none for "
+        "--simulate with --out; on a real stage, what the machine file names]",
+        HistoryFile(),
+        metavar="FILE|URL|none",
+    )
+    use_map: str = option(
+        "Friction map to use: the active one of the history, if any, or none.",
+        click.Choice(["active", "none"]),
+        "active",
+        flags="--map",
+    )
+    calibrate: Path | None = option(
+        "Also measure due calibration sites of this file between sites, within --budget.",
+        RECIPE,
+        metavar="SITES",
+    )
+    budget: float | None = option(
+        "Time for calibration sites [s].  [default: the calibration file's, else 5]",
+        NumberRange(0.0),
+    )
+
+
 @click.command(cls=StageCommand)
 @click.argument("recipe", type=RECIPE)
-@stage_options
-@click.option(
-    "--compensation",
-    type=click.Choice(["none", "model", "estimated", "oracle"]),
-    default="estimated",
-    show_default=True,
-    help="Force feedforward. none: acceleration force only; model: plus friction by the machine "
-    "file; estimated: plus friction estimated online; oracle: plus TRUTH's friction.",
-)
-@click.option(
-    "--friction-scale",
-    type=NumberRange(0.01, 100.0),
-    default=1.0,
-    show_default=True,
-    help="Start from the machine file's friction parameters times this factor.",
-)
-@click.option(
-    "--observer/--no-observer",
-    default=True,
-    show_default=True,
-    help="Correct the force offset at every SYNC from the measured position, on every "
-    "axis that can have an observer (stagectl observer).",
-)
-@click.option(
-    "--measurement",
-    type=FILE,
-    help="Design the observers by this measurement of the stage.  [default: the one beside the "
-    "machine file; with --simulate, the virtual stage is measured]",
-)
-@click.option(
-    "--faults",
-    type=FILE,
-    help="Inject the bus and drive faults of this file; needs --simulate (docs/faults.md).",
-)
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    help="Folder for recording, summary, report and bus log.  [default: runs/RECIPE-TIME]",
-)
-@click.option(
-    "--resume",
-    type=InputFolder(),
-    metavar="RUN",
-    help="Continue the interrupted run in folder RUN after its last finished site.",
-)
-@click.option(
-    "--retries",
-    type=click.IntRange(0, 100),
-    default=0,
-    show_default=True,
-    help="Restart a site after a recoverable fault at most this many times.",
-)
-@click.option(
-    "--history",
-    type=HistoryFile(),
-    metavar="FILE|URL|none",
-    help="Friction history to write to.  [default: stage.db next to the run's folder; none for "
-    "--simulate with --out; on a real stage, what the machine file names]",
-)
-@click.option(
-    "--map",
-    "use_map",
-    type=click.Choice(["active", "none"]),
-    default="active",
-    show_default=True,
-    help="Friction map to use: the active one of the history, if any, or none.",
-)
-@click.option(
-    "--calibrate",
-    type=RECIPE,
-    metavar="SITES",
-    help="Also measure due calibration sites of this file between sites, within --budget.",
-)
-@click.option(
-    "--budget",
-    type=NumberRange(0.0),
-    help="Time for calibration sites [s].  [default: the calibration file's, else 5]",
-)
-@run_by_options
+@takes(StageOptions)
+@takes(_RunOptions)
+@takes(RunBy)
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -118,28 +111,9 @@ DEFAULT_BUDGET = 5.0
     help="Check all that the run would check before it opens the bus, and print its plan.",
 )
 def command(
-    recipe: Path,
-    machine: Path | None,
-    simulate: Path | None,
-    bus: tuple[str, str] | None,
-    compensation: str,
-    friction_scale: float,
-    observer: bool,
-    measurement: Path | None,
-    seed: int,
-    faults: Path | None,
-    out: Path | None,
-    resume: Path | None,
-    retries: int,
-    history: str | None,
-    use_map: str,
-    calibrate: Path | None,
-    budget: float | None,
-    operator: str | None,
-    comment: str | None,
-    json_out: Path | None,
+    stage: StageOptions, how: _RunOptions, by: RunBy, recipe: Path, json_out: Path | None,
     dry_run: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Run RECIPE: a macro-move to each site, a micro-move onto its mark, an exposure.
 
     The friction estimate is updated after every move; the feedforward of the next one uses it.
@@ -159,61 +133,70 @@ def command(
     does not speed that up. Exit code 0 completed, 2 unusable input, 3 fault, 4 completed but a
     site misses the recipe's limits, 130 stopped.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.recipe import load_recipe
-
-    if faults is not None and simulate is None:
+    if how.faults is not None and stage.simulate is None:
         raise click.UsageError("--faults needs --simulate")
-    if compensation == "oracle" and simulate is None:
+    if how.compensation == "oracle" and stage.simulate is None:
         raise click.UsageError(
             "--compensation oracle needs --simulate: a real stage's friction is unknown"
         )
-    believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
+    request = _request(stage, how, by, recipe, moves=not dry_run)
+    if how.calibrate is not None:
+        request = _with_due_sites(request, how.calibrate, how.budget)
+    if dry_run:
+        _dry_run(request, json_out)
+        return
+    if how.observer:
+        from stagectl.run import find_measurement
+
+        found = find_measurement(request, how.measurement, stage.machine, how.resume, _announce)
+        request = replace(request, host=replace(request.host, measurement=found))
+    _run(request, json_out)
+
+
+def _request(
+    stage: StageOptions, how: _RunOptions, by: RunBy, recipe: Path, moves: bool
+) -> RunRequest:
+    """What the options ask for."""
+    from stagectl.recipe import load_recipe
+
+    believed, truth = stage.load(moves)
     loaded = load_recipe(recipe, believed)
     plan = None
-    if faults is not None:
+    if how.faults is not None:
         from stagectl.config.faults import load_faults
 
-        plan = load_faults(faults, believed, seed)
+        plan = load_faults(how.faults, believed, stage.seed)
     started = datetime.now(UTC).astimezone()
-    folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
+    folder = how.out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     resumed = None
-    if resume is not None:
+    if how.resume is not None:
         from stagectl.run import load_interrupted
 
-        resumed = load_interrupted(resume, loaded)
+        resumed = load_interrupted(how.resume, loaded)
     from stagectl.history import default_history
-    from stagectl.run import HostSettings, Remarks, RunRequest, SimulatedStage
+    from stagectl.run import HostSettings, RunRequest, SimulatedStage
     from stagectl.sequencer.compensation.mode import Mode
 
-    request = RunRequest(
+    return RunRequest(
         loaded,
         believed,
         folder,
         started,
-        simulated=None if truth is None else SimulatedStage(truth, seed, plan),
+        simulated=None if truth is None else SimulatedStage(truth, stage.seed, plan),
         host=HostSettings(
-            mode=Mode(compensation),
-            friction_scale=friction_scale,
-            use_map=use_map == "active",
-            observer=observer,
+            mode=Mode(how.compensation),
+            friction_scale=how.friction_scale,
+            use_map=how.use_map == "active",
+            observer=how.observer,
         ),
-        remarks=Remarks(operator or None, comment or None).or_of(resumed),
-        bus=bus,
-        retries=retries,
+        remarks=by.remarks().or_of(resumed),
+        bus=stage.bus,
+        retries=how.retries,
         resumed=resumed,
-        history=default_history(history, believed, truth is not None, folder, out is not None),
+        history=default_history(
+            how.history, believed, truth is not None, folder, how.out is not None
+        ),
     )
-    if calibrate is not None:
-        request = _with_due_sites(request, calibrate, budget)
-    if dry_run:
-        _dry_run(request, json_out)
-    else:
-        if observer:
-            from stagectl.run import find_measurement
-
-            found = find_measurement(request, measurement, machine, resume, _announce)
-            request = replace(request, host=replace(request.host, measurement=found))
-        _run(request, json_out)
 
 
 def _announce(text: str) -> None:
@@ -260,7 +243,6 @@ def _dry_run(request: RunRequest, json_out: Path | None) -> None:
 def _run(request: RunRequest, json_out: Path | None) -> None:
     from stagectl.cli.outcome import render_outcome
     from stagectl.cli.progress import RunProgress
-    from stagectl.errors import LimitsMissed
     from stagectl.report import verdict
     from stagectl.run import Listener, execute
 

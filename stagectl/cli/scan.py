@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
-from stagectl.cli.console import make_console
-from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.bus_access import Bench
+from stagectl.cli.console import make_table, show_result
+from stagectl.cli.options import JSON_OUT, NumberRange, takes
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from drivers.commissioning import Found
 
 
 @click.command
-@bench_options
+@takes(Bench)
 @click.option("--passive", is_flag=True, help="Only listen; send nothing.")
-@click.option("--listen", type=NumberRange(0.01, 60), default=0.25, show_default=True,
+@click.option("--listen", type=NumberRange(0.01, 60), default=0.25,
               help="Wait this long for heartbeats and answers [s].")  # fmt: skip
 @JSON_OUT
 def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -> None:
@@ -38,9 +40,7 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
         found = scan(network, ask=not passive, listen=listen, expected=axes)
         label, host = network.label, network.other_host.found
     missing = [node for node in axes if all(one.node != node for one in found)]
-    write_json([_entry(node, axes) for node in found], json_out)
-    if not is_json_on_stdout(json_out):
-        make_console().print(_table(found, axes, label))
+    show_result([_entry(node, axes) for node in found], json_out, _table(found, axes, label))
     if host is not None:
         click.echo(f"another host is active on this bus: {host} was heard", err=True)
     how = "was not heard" if passive else "was not heard, asked twice"
@@ -62,26 +62,22 @@ def _entry(node: Found, axes: dict[int, str]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
-    from rich.table import Table
-
+def _table(found: list[Found], axes: dict[int, str], label: str) -> RenderableType:
     from drivers.canopen import error_text
 
     if not found:
         return f"no node was heard on {label}: check power, wiring, termination and bit rate"
-    table = Table(title=f"Nodes on {label}", title_justify="left")
-    for name in ("node", "axis", "heard", "NMT", "device", "state"):
-        table.add_column(name, justify="right" if name == "node" else "left", overflow="fold")
+    rows = []
     for n in found:
         state = n.state or "-"
         if n.error_code:
             state += f", {error_text(n.error_code)}"
         if n.doubled:
             state = "TWO DEVICES ON THIS NODE ID"
-        table.add_row(
-            str(n.node), axes.get(n.node, "-"), ", ".join(n.heard), n.nmt or "-", _device(n), state
-        )
-    return table
+        heard = ", ".join(n.heard)
+        rows.append((str(n.node), axes.get(n.node, "-"), heard, n.nmt or "-", _device(n), state))
+    titles = ("node", "axis", "heard", "NMT", "device", "state")
+    return make_table(f"Nodes on {label}", titles, rows, ("node",))
 
 
 def _device(node: Found) -> str:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
+from stagectl.cli.bus_access import Bench
+from stagectl.cli.console import show_result
 from stagectl.cli.lazy import LazyGroup
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import JSON_OUT, takes
+from stagectl.errors import StagectlError, UnusableInput, unusable
 
 if TYPE_CHECKING:
     from canopen import ObjectDictionary
@@ -73,7 +75,7 @@ def command() -> None:
 @click.command
 @click.argument("node")
 @click.argument("obj", metavar="OBJECT", type=ObjectType())
-@bench_options
+@takes(Bench)
 @JSON_OUT
 def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | None) -> None:
     """Read OBJECT of NODE: value, SI value or meaning, data type and access.
@@ -88,9 +90,10 @@ def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | N
     from canopen.objectdictionary import ODVariable
 
     from drivers.canopen import load_dictionary
+    from drivers.errors import ConfigurationError
 
     axis = _axis(bench.axes, node)
-    with _usable():
+    with unusable(ConfigurationError):
         dictionary = load_dictionary(axis)
     entry = dictionary.get(obj[0])
     if obj[1] is None and entry is not None and not isinstance(entry, ODVariable):
@@ -104,17 +107,14 @@ def get(bench: Bench, node: str, obj: tuple[int, int | None], json_out: Path | N
     entries = [_entry(axis, v, value, agree) for v, value in zip(variables, values, strict=True)]
     if problem is not None:
         click.echo(f"{problem}; values are in the drive's unit", err=True)
-    write_json(entries, json_out)
-    if not is_json_on_stdout(json_out):
-        for one in entries:
-            click.echo(_line(one))
+    show_result(entries, json_out, *map(_line, entries))
 
 
 @click.command("set", context_settings={"ignore_unknown_options": True})  # -5 is a value
 @click.argument("node")
 @click.argument("obj", metavar="OBJECT", type=ObjectType())
 @click.argument("value")
-@bench_options
+@takes(Bench)
 @click.option("--yes", is_flag=True,
               help="Write although the axis is enabled, another host is on the bus, or OBJECT is "
                    "the controlword.")  # fmt: skip
@@ -143,10 +143,10 @@ def set_(
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from drivers.canopen import LISTENING, load_dictionary
     from drivers.commissioning import raw_text
-    from stagectl.errors import StagectlError, UnusableInput
+    from drivers.errors import ConfigurationError
 
     axis = _axis(bench.axes, node)
-    with _usable():
+    with unusable(ConfigurationError):
         variable = _variable(load_dictionary(axis), axis, obj)
         wanted, converted = _parse(value, variable, axis)
     ref = _reference(variable)
@@ -168,10 +168,8 @@ def set_(
         remote.write(ref, wanted)
         held = _read(remote, variable) if readable else wanted
     entry = _entry(axis, variable, held, problem is None)
-    write_json({**entry, "before": _plain(before)}, json_out)
-    if not is_json_on_stdout(json_out):
-        was = "" if before is None else f" (was {raw_text(ref, before, len(variable))})"
-        click.echo(_line(entry) + was)
+    was = "" if before is None else f" (was {raw_text(ref, before, len(variable))})"
+    show_result({**entry, "before": _plain(before)}, json_out, _line(entry) + was)
     if held != wanted:
         raise StagectlError(
             f"axis {axis.name}: {ref}: wrote {raw_text(ref, wanted, len(variable))}, the drive "
@@ -185,18 +183,6 @@ def _axis(axes: tuple[AxisSettings, ...], node: str) -> AxisSettings:
             return axis
     known = ", ".join(f"{a.name} (node {a.node})" for a in axes)
     raise click.BadParameter(f"no axis or node '{node}'; there are {known}", param_hint="NODE")
-
-
-@contextmanager
-def _usable() -> Iterator[None]:
-    """Makes an unusable EDS, object or value one line with exit code 2."""
-    from drivers.errors import ConfigurationError
-    from stagectl.errors import UnusableInput
-
-    try:
-        yield
-    except ConfigurationError as refused:
-        raise UnusableInput(str(refused)) from refused
 
 
 def _variable(
@@ -228,16 +214,13 @@ def _parse(text: str, variable: ODVariable, axis: AxisSettings) -> tuple[Value, 
     """A value in the drive's unit, and whether it has been converted from a unit of its own."""
     from drivers.commissioning import parse, unit_of
     from stagectl.config.parsing import units
-    from stagectl.errors import UnusableInput
 
     unit = unit_of(_reference(variable), axis)
     if unit is None or unit[1] not in _DIMENSIONS or not _WITH_UNIT.fullmatch(text):
         return parse(text, variable, axis), False
     size, name = unit
-    try:
+    with unusable(ValueError, about=f"axis {axis.name}: {_reference(variable)}: "):
         value = units.parse_quantity(text, getattr(units, _DIMENSIONS[name]))
-    except ValueError as reason:
-        raise UnusableInput(f"axis {axis.name}: {_reference(variable)}: {reason}") from reason
     return parse(str(round(value / size)), variable, axis), True
 
 
@@ -284,7 +267,6 @@ def _unit_problem(node: Node, axis: AxisSettings, variables: list[ODVariable]) -
 def _require_no_force(node: Node) -> None:
     from drivers import objects as od
     from drivers.drive import State, decode
-    from stagectl.errors import UnusableInput
 
     state = decode(node.read(od.STATUSWORD))
     if state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE):

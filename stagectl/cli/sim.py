@@ -12,6 +12,7 @@ import click
 
 from stagectl.cli.options import FILE, BusType
 from stagectl.cli.signals import on_stop
+from stagectl.errors import unusable
 
 if TYPE_CHECKING:
     import can
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     "--machine", type=FILE, help="Machine file of the stage to simulate.  [default: wafer-xy]"
 )
 @click.option("--bus", type=BusType(), help="Any python-can bus.  [default: the machine file's]")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
+@click.option("--seed", type=click.IntRange(0), default=1,
               help="Seed of noise, friction scatter and start position.")  # fmt: skip
 def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> None:
     """Simulate one CiA 402 drive per axis and the mechanics behind them, until Ctrl-C.
@@ -44,16 +45,13 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
     from stagectl.config import driver_settings, eds_path, load_machine, stage_settings
-    from stagectl.errors import UnusableInput
 
     stage = load_machine(machine)
     settings = stage_settings(stage)
     interface, channel = bus or (stage.bus.interface, str(stage.bus.channel))
     where = replace(driver_settings(stage)[0], interface=interface, channel=channel)
-    try:
+    with unusable(BusOpenError):
         opened = open_bus(where)
-    except BusOpenError as error:
-        raise UnusableInput(str(error)) from error
 
     def reopen() -> can.BusABC | None:
         with suppress(BusOpenError):

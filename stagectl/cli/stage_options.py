@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.options import FILE, BusType
+from stagectl.cli.options import FILE, BusType, option
+from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
     from stagectl.config import Machine
 
+TWO_BUSES = "--bus cannot be combined with --simulate, which has a bus of its own"
 _PACKAGED = "wafer-xy"
 _SAME_AS_HOST = Path("same as the host")
 """`--simulate` without a value."""
 
 
 class StageCommand(click.Command):
-    """A command on a recipe with `stage_options`, which says where its recipe has gone."""
+    """A command on a recipe with `StageOptions`, which says where its recipe has gone."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """The arguments; `--simulate recipe.yaml` takes the file as TRUTH and leaves no recipe."""
@@ -39,51 +41,47 @@ class StageCommand(click.Command):
             ) from missing
 
 
-def stage_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The options --machine, --simulate, --bus and --seed, for `load_machines`."""
-    for option in (
-        click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-                     help="Seed of the simulated noise and friction scatter."),
-        click.option("--bus", type=BusType(),
-                     help="CAN bus, e.g. socketcan:can0.  [default: the machine file's]"),
-        click.option("--simulate", type=FILE, is_flag=False, flag_value=_SAME_AS_HOST,
-                     metavar="[TRUTH]", help="Run on virtual drives, in virtual time. TRUTH: "
-                     "machine file of the simulated stage.  [default: the host's own]"),
-        click.option("--machine", type=FILE,
-                     help="Machine file: the host's model of the stage.  [default: wafer-xy]"),
-    ):  # fmt: skip
-        command = option(command)
-    return command
+@dataclass(frozen=True)
+class StageOptions:
+    """The host's machine file, and the bus or the simulation that the stage is on."""
 
+    machine: Path | None = option(
+        "Machine file: the host's model of the stage.  [default: wafer-xy]", FILE
+    )
+    simulate: Path | None = option(
+        "Run on virtual drives, in virtual time. TRUTH: machine file of the simulated stage.  "
+        "[default: the host's own]",
+        FILE,
+        is_flag=False,
+        flag_value=_SAME_AS_HOST,
+        metavar="[TRUTH]",
+    )
+    bus: tuple[str, str] | None = option(
+        "CAN bus, e.g. socketcan:can0.  [default: the machine file's]", BusType()
+    )
+    seed: int = option("Seed of the simulated noise and friction scatter.", click.IntRange(0), 1)
 
-def load_machines(
-    machine: Path | None, simulate: Path | None, bus: tuple[str, str] | None, moves: bool = True
-) -> tuple[Machine, Machine | None]:
-    """The host's machine model and that of the simulated stage (None on a real stage).
+    def load(self, moves: bool = True) -> tuple[Machine, Machine | None]:
+        """The host's machine model and that of the simulated stage (None on a real stage).
 
-    Args:
-        machine: `--machine`.
-        simulate: `--simulate`.
-        bus: `--bus`.
-        moves: whether the stage is to move, for which a bus is needed.
+        Args:
+            moves: whether the stage is to move, for which a bus is needed.
 
-    Raises:
-        click.UsageError: both `simulate` and `bus` are given, or neither is and the machine file's
-            bus is virtual, which no drive is on.
-        ConfigError: a machine file is unusable, or the two do not match.
-    """
-    if simulate is not None and bus is not None:
-        raise click.UsageError(
-            "--bus cannot be combined with --simulate, which has a bus of its own"
-        )
-    believed = _load(machine)
-    if simulate is None:
-        if moves and bus is None and believed.bus.interface == "virtual":
-            raise click.UsageError("no bus given: use --simulate, or --bus INTERFACE:CHANNEL")
-        return believed, None
-    truth = believed if simulate == _SAME_AS_HOST else _load(simulate)
-    _check_match(believed, truth)
-    return believed, truth
+        Raises:
+            click.UsageError: both --simulate and --bus are given, or neither is and the machine
+                file's bus is virtual, which no drive is on.
+            ConfigError: a machine file is unusable, or the two do not match.
+        """
+        if self.simulate is not None and self.bus is not None:
+            raise click.UsageError(TWO_BUSES)
+        believed = _load(self.machine)
+        if self.simulate is None:
+            if moves and self.bus is None and believed.bus.interface == "virtual":
+                raise click.UsageError("no bus given: use --simulate, or --bus INTERFACE:CHANNEL")
+            return believed, None
+        truth = believed if self.simulate == _SAME_AS_HOST else _load(self.simulate)
+        _check_match(believed, truth)
+        return believed, truth
 
 
 def _load(path: Path | None) -> Machine:
@@ -95,7 +93,6 @@ def _load(path: Path | None) -> Machine:
 
 def _check_match(believed: Machine, truth: Machine) -> None:
     """Host and virtual drives need the same axes, node ids and SYNC period."""
-    from stagectl.errors import ConfigError
 
     def require(key: str, there: object, here: object) -> None:
         if there != here:

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bench_options
-from stagectl.cli.console import make_console
-from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.bus_access import Bench
+from stagectl.cli.console import make_table, show_result
+from stagectl.cli.options import JSON_OUT, takes
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from drivers.commissioning import AxisStatus
 
 _LISTEN = 0.25  # two heartbeats [s]
 
 
 @click.command
-@bench_options
+@takes(Bench)
 @JSON_OUT
 def command(bench: Bench, json_out: Path | None) -> None:
     """Read state, mode, position, force and errors of all axes; nothing is changed.
@@ -35,10 +37,8 @@ def command(bench: Bench, json_out: Path | None) -> None:
         statuses = [status_of(axis) for axis in axes]
         for axis in axes:
             axis.node.detach()
-    write_json({s.axis: _entry(s) for s in statuses}, json_out)
-    if is_json_on_stdout(json_out):
-        return
-    make_console().print(_table(statuses, bench.machine.name))
+    values = {s.axis: _entry(s) for s in statuses}
+    show_result(values, json_out, _table(statuses, bench.machine.name))
 
 
 def _entry(status: AxisStatus) -> dict[str, Any]:
@@ -51,19 +51,17 @@ def _entry(status: AxisStatus) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _table(statuses: list[AxisStatus], machine: str) -> Any:
-    from rich.table import Table
-
+def _table(statuses: list[AxisStatus], machine: str) -> Table:
     from drivers.commissioning import error_line
 
-    table = Table(title=f"Status of {machine}", title_justify="left")
-    for name in ("axis", "node", "NMT", "status", "mode", "position", "force", "errors"):
-        table.add_column(name, justify="right" if name in ("node", "position", "force") else "left")
-    for s in statuses:
-        table.add_row(
+    titles = ("axis", "node", "NMT", "status", "mode", "position", "force", "errors")
+    rows = [
+        (
             s.axis, str(s.node), s.nmt or "no heartbeat",
             f"{s.words} (0x{s.statusword:04X}, {s.state})", s.mode_text,
             "-" if s.position is None else f"{s.position * 1e3:.6f} mm",
             "-" if s.force is None else f"{s.force:.2f} N", error_line(s),
-        )  # fmt: skip
-    return table
+        )
+        for s in statuses
+    ]  # fmt: skip
+    return make_table(f"Status of {machine}", titles, rows, ("node", "position", "force"))

@@ -14,7 +14,6 @@ from stagectl.report.outline import Section as Section
 from stagectl.report.outline import Table as Table
 from stagectl.report.render import render_page as render_page
 from stagectl.report.render import render_template as render_template
-from stagectl.report.run_comparison import compare_runs as compare_runs
 from stagectl.report.run_outline import friction_map_used as friction_map_used
 from stagectl.report.run_outline import run_outline as run_outline
 from stagectl.report.run_page import render_report as render_report

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.cli.history_access import _open_history, has_estimates, has_maps
+from stagectl.cli.history_access import HistoryOptions, has_estimates, has_maps
 from stagectl.errors import UnusableInput
 from stagectl.history import EstimateRecord, RunEntry, StageKey, open_history
 
@@ -32,19 +32,14 @@ def where(tmp_path: Path) -> str:
     return path
 
 
-def test_the_only_stage_with_a_map_is_meant(where: str) -> None:
-    with _open_history(where, None, None, False, has_maps) as (_, stage):
-        assert stage == VIRTUAL
-
-
-def test_a_map_is_built_for_the_only_stage_with_estimates(where: str) -> None:
-    with _open_history(where, None, None, False, has_estimates) as (_, stage):
-        assert stage == REAL
-
-
-def test_options_come_first(where: str) -> None:
-    with _open_history(where, None, False, False, has_maps) as (_, stage):
-        assert stage == REAL
+@pytest.mark.parametrize(
+    ("simulated", "has", "meant"),
+    [(None, has_maps, VIRTUAL), (None, has_estimates, REAL), (False, has_maps, REAL)],
+    ids=["the only one with a map", "the only one with estimates", "options come first"],
+)
+def test_stage_that_is_meant(where: str, simulated, has, meant) -> None:
+    with HistoryOptions(where, simulated=simulated).open(has=has) as (_, stage):
+        assert stage == meant
 
 
 def test_two_stages_with_maps_have_to_be_told_apart(where: str) -> None:
@@ -53,6 +48,6 @@ def test_two_stages_with_maps_have_to_be_told_apart(where: str) -> None:
     history.close()
     with (
         pytest.raises(UnusableInput, match=r"wafer-xy \(simulated\): which one\?"),
-        _open_history(where, None, None, False, has_maps),
+        HistoryOptions(where).open(),
     ):
         pass

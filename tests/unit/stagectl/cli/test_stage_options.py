@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
-from stagectl.cli.stage_options import StageCommand, load_machines, stage_options
+from stagectl.cli.options import takes
+from stagectl.cli.stage_options import StageCommand, StageOptions
 from stagectl.config import load_machine
 
 
@@ -16,9 +17,9 @@ def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
     seen = []
 
     @click.command()
-    @stage_options
-    def command(machine, simulate, bus, seed):
-        seen.append(load_machines(machine, simulate, bus))
+    @takes(StageOptions)
+    def command(stage):
+        seen.append(stage.load())
 
     for arguments in (["--simulate"], ["--simulate", "wafer-xy"], ["--bus", "socketcan:can0"]):
         done = CliRunner().invoke(command, ["--machine", str(own), *arguments])
@@ -33,8 +34,8 @@ def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
 def test_a_recipe_that_simulate_has_swallowed_is_named():
     @click.command("run", cls=StageCommand)
     @click.argument("recipe")
-    @stage_options
-    def command(**_):
+    @takes(StageOptions)
+    def command(stage, recipe):
         pass
 
     said = CliRunner().invoke(command, ["--simulate", "my recipe.yaml", "--seed", "2"])
