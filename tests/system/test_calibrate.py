@@ -55,11 +55,8 @@ def test_a_dry_run_is_json_too(tmp_path):
     planned = json.loads(result.stdout)
     places = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
     assert planned["would_visit"] == [*places, places[0]]
-    assert (planned["format"], planned["map"], planned["sites"]) == (
-        "stagectl-calibration",
-        None,
-        [],
-    )
+    assert (planned["format"], planned["map"]) == ("stagectl-calibration", None)
+    assert planned["sites"] == []
     assert "would visit (20, 0) mm" in result.stderr
     assert "virtual bus" not in result.stderr, "nothing was to move"
 
@@ -117,6 +114,12 @@ def calibrated(killed):
         "--history", killed / "stage.db", "--out", killed / "rest", "--json", out,
     )  # fmt: skip
     return killed, said, json.loads(out.read_text())
+
+
+@pytest.fixture
+def where(calibrated, tmp_path):
+    """Options that name a copy of its history."""
+    return "--history", shutil.copy(calibrated[0] / "stage.db", tmp_path / "stage.db")
 
 
 def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(calibrated):
@@ -219,9 +222,7 @@ def test_what_cannot_be_gone_on_with(calibrated):
         assert reason in said
 
 
-def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
-    folder, _, _ = calibrated
-    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+def test_a_map_is_looked_at_put_into_use_and_taken_back(where, tmp_path):
     page = tmp_path / "map.html"
     said = stagectl("map", "show", *where, "--html", page, "--at", "0.01", "0.01")
     assert "map 1" in said
@@ -250,9 +251,8 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     assert "it is of wafer-xy" in said
 
 
-def test_what_maps_say_as_json(calibrated, tmp_path):
-    folder, _, outcome = calibrated
-    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+def test_what_maps_say_as_json(calibrated, where, tmp_path):
+    outcome = calibrated[2]
 
     def as_json(*arguments):
         out = tmp_path / "out.json"
@@ -280,9 +280,7 @@ def test_what_maps_say_as_json(calibrated, tmp_path):
     assert json.loads(refused.read_text())["applicable"] is False
 
 
-def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
-    folder, _, _ = calibrated
-    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+def test_a_run_goes_by_the_map_and_says_so(where, tmp_path):
     stagectl("map", "activate", *where)
     (tmp_path / "short.yaml").write_text(RECIPE)
     run = ("run", tmp_path / "short.yaml", "--simulate", *where)
@@ -326,9 +324,7 @@ def test_cogging_is_not_taken_for_friction_of_places(tmp_path):
     assert "stepped" not in said
 
 
-def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path):
-    folder, _, _ = calibrated
-    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+def test_due_sites_are_slipped_into_a_run_within_its_budget(where, tmp_path):
     (tmp_path / "short.yaml").write_text(RECIPE)
     run = ("run", tmp_path / "short.yaml", "--simulate", *where)
     stagectl(*run, "--out", tmp_path / "wear")

@@ -117,24 +117,18 @@ def test_a_dry_run_checks_what_the_run_checks(stagectl, short, tmp_path):
         assert sorted(tmp_path.iterdir()) == before
 
 
-BAD = {
-    "unknown key": ("expose: 0.02", "exposee: 0.02", "exposee"),
-    "wrong unit": ("velocity: 0.5,", 'velocity: "0.5 s",', "velocity"),
-    "not a number": ("velocity: 0.5,", "velocity: .nan,", "velocity"),
-    "duplicate key": ("expose: 0.02", "expose: 0.02\nexpose: 0.03", "expose"),
-    "outside travel": ("[-0.05, -0.05]", "[-0.05, -0.5]", "sites"),
-    "too fast": ("velocity: 0.5,", "velocity: 1.5,", "velocity"),
-    "too hard": ("acceleration: 3.0", "acceleration: 30.0", "acceleration"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, case):
-    old, new, key = BAD[case]
-    text = RECIPE.read_text()
-    assert old in text
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("expose: 0.02", "exposee: 0.02", "exposee"),
+        ("[-0.05, -0.05]", "[-0.05, -0.5]", "sites"),
+        ("velocity: 0.5,", "velocity: 1.5,", "velocity"),
+    ],
+    ids=["unknown key", "outside travel", "too fast"],
+)
+def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, old, new, key):
     recipe = tmp_path / "recipe.yaml"
-    recipe.write_text(text.replace(old, new))
+    recipe.write_text(RECIPE.read_text().replace(old, new))
     done = stagectl("run", recipe, "--simulate", "--out", tmp_path / "out")
     assert done.returncode == 2
     lines = done.stderr.strip().splitlines()
@@ -154,8 +148,6 @@ def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, case):
         (["run", RECIPE, "--bus", "virtual"], "INTERFACE:CHANNEL"),
         (["run", RECIPE], "no bus given: use --simulate, or --bus"),
         (["run", "--simulate", RECIPE], "as TRUTH"),
-        (["run", RECIPE, "--simulate", "--seed", "-1"], "--seed"),
-        (["run", RECIPE, "--simulate", "--friction-scale", "nan"], "--friction-scale"),
         (["gap", "measure", "missing.h5"], "missing.h5"),
         (["gap", "measure", RECIPE], "inspection-20.yaml"),
         (["gap", "diagnose", RECIPE], "inspection-20.yaml"),
@@ -167,15 +159,6 @@ def test_bad_arguments_are_one_line(stagectl, tmp_path, arguments, word):
     assert word in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir()), "no folder of a run"
-
-
-def test_truncated_recording(stagectl, tmp_path):
-    cut = tmp_path / "cut.h5"
-    cut.write_bytes((DATA / "null-1.h5").read_bytes()[:100_000])
-    done = stagectl("gap", "measure", cut)
-    assert done.returncode == 2
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert "cut.h5" in done.stderr
 
 
 def test_gap_measure(stagectl, tmp_path):
@@ -208,9 +191,7 @@ def test_gap_measure(stagectl, tmp_path):
 def test_a_bus_that_cannot_be_opened_is_unusable_input_and_leaves_nothing(
     stagectl, tmp_path, command, bus
 ):
-    (tmp_path / "sites.yaml").write_text(
-        "calibrate: c\nsites: [[0, 0], [0.01, 0], [0.02, 0], [0.03, 0]]\n"
-    )
+    (tmp_path / "sites.yaml").write_text(SITES)
     done = stagectl(*command, "--bus", bus, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines()[-1].startswith(f"stagectl: bus {bus}: cannot open: ")
@@ -430,14 +411,6 @@ def test_gap_diagnose(stagectl, tmp_path):
     assert load_machine(twin).axes["x"].plant == load_machine().axes["x"].plant
 
 
-@pytest.mark.parametrize("where", ["none/x.json", "."])
-def test_what_could_not_be_written_is_refused_before_the_work(stagectl, tmp_path, where):
-    done = stagectl("gap", "diagnose", DATA / "null-2.h5", "--json", tmp_path / where)
-    assert done.returncode == 2
-    assert "--json" in done.stderr
-    assert str(tmp_path) in done.stderr
-
-
 @pytest.mark.parametrize(
     "command",
     [
@@ -453,21 +426,12 @@ def test_what_could_not_be_written_is_refused_before_the_work(stagectl, tmp_path
 )
 def test_a_folder_that_cannot_be_used_is_unusable_input(stagectl, tmp_path, command):
     (tmp_path / "file").touch()
-    (tmp_path / "sites.yaml").write_text(
-        "calibrate: c\nsites: [[0, 0], [0.01, 0], [0.02, 0], [0.03, 0]]\n"
-    )
+    (tmp_path / "sites.yaml").write_text(SITES)
     names = {"out": tmp_path / "out", "sites": tmp_path / "sites.yaml"}
     done = stagectl(*(str(part).format(tmp_path / "file", **names) for part in command))
     assert done.returncode == 2, done.stderr
     assert str(tmp_path / "file") in done.stderr
     assert len([line for line in done.stderr.splitlines() if line.startswith("stagectl: ")]) == 1
-
-
-def test_control_characters_of_the_command_line_are_refused(stagectl, tmp_path):
-    done = stagectl("run", RECIPE, "--simulate", "--out", tmp_path / "\x1b[31mred")
-    assert done.returncode == 2
-    assert "argument 5 holds the control character U+001B" in done.stderr
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_message_has_no_control_characters(stagectl, tmp_path):
@@ -477,16 +441,3 @@ def test_a_message_has_no_control_characters(stagectl, tmp_path):
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.isprintable()
-
-
-def test_a_mistyped_command_has_a_neighbour(stagectl):
-    done = stagectl("rum")
-    assert done.returncode == 2
-    assert "no such command 'rum'; did you mean 'run'?" in done.stderr
-
-
-def test_the_folder_of_a_run_stands_for_its_recording(stagectl, tmp_path):
-    (tmp_path / "recording.h5").touch()
-    done = stagectl("gap", "measure", tmp_path)
-    assert done.returncode == 2
-    assert f"{tmp_path / 'recording.h5'}: not a readable HDF5 file" in done.stderr

@@ -7,7 +7,6 @@ import re
 import shlex
 import signal
 import sqlite3
-from dataclasses import replace
 from datetime import UTC, datetime
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,7 +18,6 @@ from rich.console import Console
 from stagectl.cli import cli
 from stagectl.cli.outcome import render_outcome
 from stagectl.errors import LimitsMissed
-from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
 from stagectl.run import (
     HostSettings,
@@ -39,28 +37,27 @@ TIGHT = short_recipe(*PLACES) + "lot: L42\nwafer: W7\nlimits: {peak_error: 1 nm}
 WIDE = TIGHT.replace("1 nm", "1 mm")
 
 
+def request_for(machine, text, folder, **other):
+    """A run of a recipe on the virtual stage; `other`: of the request."""
+    (folder / "r.yaml").write_text(text)
+    recipe = parse_recipe(text, str(folder / "r.yaml"), machine)
+    simulated = {"simulated": SimulatedStage(machine), **other}
+    return RunRequest(recipe, machine, folder / "run", datetime.now(UTC), **simulated)
+
+
 @pytest.fixture(scope="module")
 def made(machine, tmp_path_factory):
     """Make a run of a recipe, stopped when `stop` sites are done; its folder and its result."""
 
     def go(text, stop=None, **other):
-        folder = tmp_path_factory.mktemp("made")
-        (folder / "r.yaml").write_text(text)
-        request = RunRequest(
-            parse_recipe(text, str(folder / "r.yaml"), machine),
-            machine,
-            folder / "run",
-            datetime.now(UTC),
-            simulated=SimulatedStage(machine),
-            **other,
-        )
+        request = request_for(machine, text, tmp_path_factory.mktemp("made"), **other)
         stops = []
 
         def event(happened):
             if isinstance(happened, SegmentDone) and happened.number == stop:
                 stops[0]("stopped by the operator (Ctrl-C)")
 
-        return execute(request, Listener(event=event, stoppable=stops.append)), folder / "run"
+        return execute(request, Listener(event=event, stoppable=stops.append)), request.folder
 
     return go
 
@@ -98,19 +95,13 @@ def test_sites_and_wafer_are_judged_by_the_limits(made):
 
 
 def test_a_complete_run_that_misses_its_limits_ends_with_4(tmp_path):
-    for text, code in ((TIGHT, 4), (WIDE, 0)):
-        (tmp_path / "r.yaml").write_text(text)
-        run = ("run", tmp_path / "r.yaml", "--simulate", "--out", tmp_path / f"run-{code}")
-        done = stagectl(*run)
-        if code:
-            assert isinstance(done.exception, LimitsMissed)
-            assert done.exception.exit_code == code
-            assert "4 of 4 sites miss the limits" in str(done.exception)
-        else:
-            assert done.exit_code == 0, done.output
-        assert json.loads((tmp_path / f"run-{code}" / "summary.json").read_text())["outcome"] == (
-            "completed"
-        )
+    (tmp_path / "r.yaml").write_text(TIGHT)
+    done = stagectl("run", tmp_path / "r.yaml", "--simulate", "--out", tmp_path / "run")
+    assert isinstance(done.exception, LimitsMissed)
+    assert done.exception.exit_code == 4
+    assert "4 of 4 sites miss the limits" in str(done.exception)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["outcome"] == "completed"
 
 
 def test_an_aborted_run_says_where_why_and_how_to_continue(stopped):
@@ -210,15 +201,7 @@ def die(happened):
 @pytest.fixture(scope="module")
 def killed(machine, tmp_path_factory):
     folder = tmp_path_factory.mktemp("killed")
-    (folder / "r.yaml").write_text(WIDE)
-    request = RunRequest(
-        parse_recipe(WIDE, str(folder / "r.yaml"), machine),
-        machine,
-        folder / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        remarks=Remarks(operator="Grace"),
-    )
+    request = request_for(machine, WIDE, folder, remarks=Remarks(operator="Grace"))
     process = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
     process.start()
     process.join()
@@ -244,14 +227,14 @@ def test_recover_writes_summary_and_report(killed):
 
 def test_a_run_that_never_reached_its_stage_resumes_nothing(machine, tmp_path):
     """Its summary still says what happened; `runs` lists it."""
-    request = RunRequest(
-        parse_recipe(WIDE, "r.yaml", machine),
+    request = request_for(
         machine,
-        tmp_path / "run",
-        datetime.now(UTC),
+        WIDE,
+        tmp_path,
+        simulated=None,
+        bus=("virtual", "nobody"),
         host=HostSettings(mode=Mode.NONE),
         remarks=Remarks(comment="nobody there"),
-        bus=("virtual", "nobody"),
     )
     told = execute(request, Listener()).summary["interrupted"]
     assert (told["done"], told["at"], told["resume"]) == (0, None, None)
@@ -287,7 +270,7 @@ def test_runs_are_listed_with_what_is_known_of_them(stopped, killed, made, tmp_p
     assert "none" in missing.output + str(missing.exception)
 
 
-def test_operator_and_comment_are_kept(tmp_path, machine):
+def test_operator_and_comment_are_kept(tmp_path):
     (tmp_path / "r.yaml").write_text(short_recipe((0.01, 0.0)))
     where = str(tmp_path / "stage.db")
     run = ("run", tmp_path / "r.yaml", "--simulate", "--history", where, "--out", tmp_path / "run")
@@ -302,29 +285,17 @@ def test_operator_and_comment_are_kept(tmp_path, machine):
         assert database.execute("SELECT operator, comment FROM run").fetchall() == [
             ("Ada L.", "chuck 2")
         ]
-    refused = stagectl(*run, "--operator", "Ada\x1b[2J")
-    assert refused.exit_code == 2
-    assert "control character U+001B" in refused.output
-    history = open_history(where)
-    assert len(history.runs(StageKey(machine.name, True))) == 1
-    history.close()
 
 
 def test_a_run_in_progress_is_listed_as_running(machine, tmp_path):
-    request = RunRequest(
-        parse_recipe(WIDE, "r.yaml", machine),
-        machine,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        host=HostSettings(mode=Mode.NONE),
-    )
+    host, remarks = HostSettings(mode=Mode.NONE), Remarks("Ada")
+    request = request_for(machine, WIDE, tmp_path, host=host, remarks=remarks)
     seen = []
 
     def event(happened):
         if isinstance(happened, SegmentDone) and happened.number == 1:
             seen.extend(list_runs(tmp_path))
 
-    execute(replace(request, remarks=Remarks("Ada")), Listener(event=event))
+    execute(request, Listener(event=event))
     (listed,) = seen
     assert (listed.outcome, listed.operator, listed.done, listed.of) == ("running", "Ada", 1, 4)

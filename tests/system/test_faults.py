@@ -189,6 +189,3 @@ def test_unusable_faults_files(stagectl, tmp_path, text, options, word):
     assert word in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "out").exists()
-
-
-# The host is killed ---------------------------------------------------------------------------

@@ -5,8 +5,6 @@ import re
 import can
 import pytest
 
-from stagectl.errors import UnusableInput
-
 
 def test_enable_holds_and_disables(call):
     failure, out, _ = call("enable", "--simulate", "--hold", "0.2")
@@ -47,12 +45,6 @@ def test_an_impossible_jog_is_refused_before_any_bus_is_opened(call, arguments, 
     failure, _, err = call("jog", *arguments, "--bus", "no_such_interface:0")
     assert failure == 2
     assert reason in err
-
-
-def test_a_bus_that_cannot_be_opened_is_one_line(call):
-    failure, _, _ = call("status", "--bus", "no_such_interface:0")
-    assert isinstance(failure, UnusableInput)
-    assert str(failure).startswith("bus no_such_interface:0: cannot open")
 
 
 @pytest.mark.real_time

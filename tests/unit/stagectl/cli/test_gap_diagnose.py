@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from rich.console import Console
 
-from sim2real.findings import FigureChange, GapReport
 from stagectl.cli.gap_diagnose import _keep_measurement, diagnose
 from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
 from stagectl.measurement import Measurement, measure_virtual_stage
-from stagectl.report import print_outline
-from stagectl.report.gap import diagnosis_outline
 from tests.unit.sim2real.other_machines import TOOL
 
 DATA = Path(__file__).parents[3] / "data"
@@ -229,23 +225,6 @@ def test_damaged_bytes_are_one_line_or_a_report(small, tmp_path):
         path.write_bytes(damaged[: int(rng.integers(100, len(damaged)))])
         report, line = run(path)
         assert report is not None or ("damaged.h5" in line and len(line.splitlines()) >= 1)
-
-
-def test_changed_and_kept_figures_are_listed():
-    report = GapReport(
-        ("r",),
-        "explained",
-        "why",
-        figures=(
-            FigureChange("x", "mass", 8.0, 7.9999657, 2.8e-4, "kg", True, "known"),
-            FigureChange("y", "mass", 14.0, 13.79, 0.21, "kg", False, "at its bound"),
-        ),
-    )
-    console = Console(width=120, record=True)
-    console.print(print_outline(diagnosis_outline(report, "m")))
-    lines = [" ".join(line.split()) for line in console.export_text().splitlines()]
-    assert "figure x: mass 8.00000 → 7.99997 ± 0.00028 kg: known" in lines
-    assert "warning y: mass stays 14.00 kg, fitted 13.79: at its bound" in lines
 
 
 @pytest.mark.slow

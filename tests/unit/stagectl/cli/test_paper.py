@@ -32,11 +32,6 @@ def test_command_writes_page_plots_and_json(tmp_path):
     assert two["stiffness"]["value"] == pytest.approx(1000.0, rel=3e-3)
 
 
-def test_json_on_stdout_is_nothing_but_json():
-    result = CliRunner().invoke(command, ["--quick", "--json", "-"], catch_exceptions=False)
-    assert set(json.loads(result.stdout)) == {"tables", "fixed_force", "claims"}
-
-
 def test_what_is_left_open_is_an_option():
     slow = CliRunner().invoke(
         command,

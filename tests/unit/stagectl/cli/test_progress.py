@@ -123,12 +123,6 @@ def test_the_last_move_is_counted(terminal: Terminal, recipe: Recipe) -> None:
         terminal.drain()
 
 
-def test_a_resumed_run_counts_its_own_moves(terminal: Terminal, recipe: Recipe) -> None:
-    with RunProgress(terminal.console, recipe, ("x", "y"), done=15):
-        terminal.wait_for("0/10")
-        terminal.drain()
-
-
 def test_a_stopped_terminal_does_not_hold_up_the_caller(terminal: Terminal, recipe: Recipe) -> None:
     with shown(terminal, recipe) as progress:
         for _ in range(3000):  # many times what a terminal takes that nobody reads

@@ -27,8 +27,59 @@ def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
     assert {row[0] for row in rows({**summary, "moves": moves}, "results")} == {"y"}
 
 
-def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
+def test_without_updates_all_moves_have_the_same_model(summary: dict[str, Any]):
+    assert {row[2] for row in rows({**summary, "compensation": "oracle"}, "results")} == {"true"}
+
+
+def test_friction_is_that_of_the_last_accepted_estimate(summary: dict[str, Any]):
+    first = summary["friction"][0]
     assert rows(summary, "friction") == [["x", "coulomb", "6.020", "0.010", "N", "1 of 1"]]
+    later = {**first, "parameters": {"coulomb": {"value": 8.765, "sigma": 0.012, "unit": "N"}}}
+    again = {**summary, "friction": [first, later, {**first, "accepted": False}]}
+    assert rows(again, "friction") == [["x", "coulomb", "8.765", "0.012", "N", "2 of 3"]]
+
+
+def test_refused_estimates_and_failed_sites_are_named(summary: dict[str, Any]):
+    refused = {**summary["friction"][0], "accepted": False, "site": 3, "reason": "too little"}
+    limits = {
+        "verdict": "fail", "passed": 1, "failed": 1, "of": 2,
+        "sites": [
+            {"site": 1, "passed": True, "failures": []},
+            {"site": 2, "passed": False, "failures": ["peak error 1 um"]},
+        ],
+    }  # fmt: skip
+    friction = [refused, {**refused, "site": None}]
+    sections = run_outline({**summary, "friction": friction, "limits": limits}, None).sections
+    told = [fact.text for name in ("refused", "limits") for fact in sections[name].facts]
+    assert told == ["site 3 axis x: too little", "axis x: too little", "site 2: peak error 1 um"]
+
+
+def test_an_interrupted_run_says_where_and_how_to_continue(summary: dict[str, Any]):
+    stop = {
+        "reason": "axis y: 0x8611", "unit": "site", "done": 2, "of": 5, "at": 3,
+        "resume": "stagectl run r.yaml --resume runs/a",
+    }  # fmt: skip
+    ended = {**summary, "outcome": "fault", "fault": "axis y: 0x8611", "interrupted": stop}
+    outline = run_outline(ended, None)
+    assert [badge.text for badge in outline.badges] == ["Ended with a fault"]
+    assert outline.headline.startswith("Ended at site 3 of 5 (")
+    assert outline.command == stop["resume"]
+    assert "axis y: 0x8611" not in [fact.text for fact in outline.notices]
+
+
+def test_punctuality_is_mentioned_only_where_it_lacked(summary: dict[str, Any]):
+    cycle = {"period": 0.001, "missed": 0, "late": 0}
+    assert run_outline({**summary, "cycle": cycle}, None).notices[-1].level == "good"
+    lacked = {
+        **summary,
+        "cycle": {**cycle, "missed": 3, "late": 2},
+        "punctuality": {"late_in_a_row": 2, "doubled": 1},
+    }
+    assert (
+        run_outline(lacked, None)
+        .notices[-1]
+        .text.endswith("3 TPDOs missed, 2 SYNCs late (at most 2 in a row), 1 received twice")
+    )
 
 
 def test_parameters_that_no_move_was_informative_about_are_named(summary: dict[str, Any]):
