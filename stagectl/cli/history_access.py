@@ -41,9 +41,7 @@ class HistoryOptions:
     history: str | None = option(
         f"Friction history to read.  [default: {' or '.join(DEFAULT_FILES)}]", HistoryFile()
     )
-    machine: str | None = option(
-        "Machine name, where the history has several that qualify.", flags="--stage"
-    )
+    stage: str | None = option("Machine name, where the history has several that qualify.")
     simulated: bool | None = option(
         "The simulated or the real stage, where both qualify.", flags="--simulated/--real"
     )
@@ -74,8 +72,7 @@ class HistoryOptions:
             stages = [
                 stage
                 for stage in known
-                if self.machine in (None, stage.machine)
-                and self.simulated in (None, stage.simulated)
+                if self.stage in (None, stage.machine) and self.simulated in (None, stage.simulated)
             ]
             if len(stages) > 1:
                 stages = [stage for stage in stages if has(history, stage)] or stages

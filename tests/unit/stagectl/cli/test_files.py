@@ -61,6 +61,12 @@ def test_every_parameter_that_names_a_file_says_what_it_is_for() -> None:
             assert not named or isinstance(param.type, NamesFile), (words, param.name)
 
 
+def test_no_two_parameters_of_a_command_have_one_name() -> None:
+    for words, command in commands():
+        names = [param.name for param in command.params]
+        assert len(set(names)) == len(names), words
+
+
 def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> None:
     """Under the same name, through a link, and through a second name of the same file."""
     monkeypatch.chdir(tmp_path)
