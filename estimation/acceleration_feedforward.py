@@ -34,12 +34,14 @@ def mass_feedforward(
         ahead: how much earlier the force is wanted [s].
     """
     early = math.ceil(max(ahead, 0.0) / period) + 2
-    time = ahead + period * (np.arange(samples + early + 4) - 1.0 - early)
+    rows = np.arange(samples + early + 4, dtype=np.float64)
+    time = ahead + period * (rows - 1.0 - early)
     path = trajectory.sample(time)[0] - trajectory.position[0]
     bend = (path[2:] - 2.0 * path[1:-1] + path[:-2]) / period**2
     spline = (8.0 * bend[1:-1] - bend[2:] - bend[:-2]) / 6.0
     spline[early : early + 1] += sum(spline[:early].tolist())
-    return mass * spline[early:]
+    result: F64 = mass * spline[early:]
+    return result
 
 
 def chord_force(drive: DriveLoop, trajectory: Trajectory, samples: int, period: float) -> F64:
@@ -51,7 +53,8 @@ def chord_force(drive: DriveLoop, trajectory: Trajectory, samples: int, period: 
         samples: how many.
         period: of the samples [s].
     """
-    off, number = (period**2 - drive.control_period**2) / 12.0, np.arange(samples + 1)
+    off = (period**2 - drive.control_period**2) / 12.0
+    number = np.arange(samples + 1, dtype=np.float64)
     _, velocity, acceleration = trajectory.sample(period * (number[:-1] + 1.0))
     edges = trajectory.sample(period * (number + 0.5) - drive.derivative_time)[2]
     jerk = np.diff(edges) / period

@@ -44,7 +44,8 @@ def friction_feedforward(
         [N], shape (K - sent,): added to the offset in force there, so that the offset has no jump.
     """
     step = period / _STEPS
-    time = sent * period + np.arange((samples - sent) * _STEPS + 1) * step
+    rows = np.arange((samples - sent) * _STEPS + 1, dtype=np.float64)
+    time = sent * period + rows * step
     there = None
     if variation is not None:
         there = np.interp(time[1:], np.arange(1, samples + 1) * period, variation)

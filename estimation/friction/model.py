@@ -80,7 +80,7 @@ class FrictionState:
 
     def copy(self) -> FrictionState:
         """An independent copy."""
-        return FrictionState(*(array.copy() for array in self.arrays))
+        return FrictionState(self.forces.copy(), self.slipping.copy(), self.memory.copy())
 
     def settle_at(self, position: float) -> None:
         """Take `position` [m] as where the axis rests now; the forces stay."""

@@ -199,7 +199,7 @@ class Residual:
         """Sums of a block's whitened rows; with errors in variables if the mass is free."""
         own, scale = self._settings, self._unknowns.scale[MASS]
         mass = scale * at.q[MASS] if at.errors_in_variables else scale
-        noisy = np.flatnonzero(at.index == MASS) if at.errors_in_variables else ()
+        noisy = np.flatnonzero((at.index == MASS) & at.errors_in_variables)
         sums: tuple[F64, F64, float, int] = sum_whitened(
             rows, used, (mass * own.position_noise / own.period**2) ** 2,
             own.force_noise**2 + (own.model_error * self._unknowns.scale[COULOMB]) ** 2,

@@ -124,7 +124,11 @@ def unknowns(friction: FrictionFigures, mass: float, period: float) -> Unknowns:
     return Unknowns(
         (*FIGURES, *(f"k_{i}" for i in numbers), *(f"nu_{i}" for i in numbers)),
         units,
-        *(np.array(values) for values in (scale + ones, mean + ones, spread, lower, upper)),
+        np.array(scale + ones),
+        np.array(mean + ones),
+        np.array(spread),
+        np.array(lower),
+        np.array(upper),
         np.full(count, 1.0 / count),
         element_shares(count),
     )
