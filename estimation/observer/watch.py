@@ -114,6 +114,7 @@ WATCH_DTYPE = np.dtype(
         ("strikes", "i8"),
         ("turns", "i8"),
         ("stands", "i8"),
+        ("last_strike", "f8"),
         ("closed_power", "f8"),
         ("opened", "f8"),
         ("known_power", "f8"),
@@ -140,7 +141,8 @@ WATCH_DTYPE = np.dtype(
   [m^2, m]; crossings: changes of sign; wait: blocks not to judge;
 - allowed: power that a motion or a push may have left [m^2]; last_error: of the block before;
   strikes, stands: blocks with too much power, in which a deviation stood; turns: changes of sign in
-  the former; closed_power: of the last of them; known_power: of what comes from elsewhere;
+  the former; last_strike: power of the last of them, closed_power: of the last two, the
+  larger; known_power: of what comes from elsewhere;
   tries, opened: blocks of an experiment, and the sum of their powers;
 - of the block under way at any demand: any_count; sums of deviation, of the drive's own force, of
   the absolute measured force and of the correction [m, N]; limited: samples at the limit;
@@ -251,13 +253,15 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
         return
     if power <= max(figures.floor, watched.known_power / DIES):
         watched.strikes = watched.turns = 0
+        watched.last_strike = 0.0
         return
     if watched.crossings <= 2 and power <= ROUNDING**2 * figures.floor:
         return
     watched.turns += watched.crossings
     if power > allowed:
         watched.strikes += 1
-        watched.closed_power = power
+        watched.closed_power = max(power, watched.last_strike)
+        watched.last_strike = power
     if min(watched.strikes, watched.turns) >= STRIKES:
         waves = 0.5 * watched.turns / (watched.strikes * watched.count)
         freeze(figures, watched, now, TRYING)
@@ -275,7 +279,7 @@ def judge_experiment(watched, power):  # type: ignore[no-untyped-def]
         note(watched, FED, watched.rms, watched.frequency)
     elif watched.tries >= TRIES and left >= GOES_ON:
         watched.mode = WATCHING
-        watched.known_power = max(watched.known_power, watched.closed_power, watched.allowed)
+        watched.known_power = max(watched.known_power, watched.opened / watched.tries)
         note(watched, ELSEWHERE, math.sqrt(power), watched.frequency)
 
 
