@@ -11,8 +11,10 @@ Without pages: README.md and docs/*.md. A comment on the line before a block say
     <!-- until Ctrl-C -->      its last command goes on; Ctrl-C once it has printed what is quoted
     <!-- file: NAME -->        no commands: a file of the reader's
 
-`...` within a quoted line stands for what differs from machine to machine, a line of it alone (one
-in a quote, and more after it) for any lines. A command without a quote may print what it likes.
+Words and counts have to be as quoted. Figures may be a little off, as processors round differently:
+a recording then differs in its last digits, and all that is computed from it. `...` within a quoted
+line stands for what differs more from machine to machine, a line of it alone (one in a quote, and
+more after it) for any lines. A command without a quote may print what it likes.
 `make test` is not run: it runs this.
 """
 
@@ -200,8 +202,29 @@ def _run(command: Command, folder: Path, mark: str) -> list[str]:
     return lines
 
 
+_FIGURE = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?!\w)")
+DECIMAL, WHOLE, DIGITS = 0.2, 0.04, 2
+"""By so much of itself a decimal figure may be off, or by so many units of its last digit; and a
+whole one, so that counts below 25 have to be as quoted."""
+
+
 def _stands_for(quoted: str, printed: str) -> bool:
-    return bool(re.fullmatch(".+".join(map(re.escape, quoted.split("..."))), printed))
+    quoted, printed = " ".join(quoted.split()), " ".join(printed.split())
+    figures = _FIGURE.findall(quoted.replace("...", " "))
+    words = (_FIGURE.split(part) for part in quoted.split("..."))
+    parts = (r"(\d+(?:\.\d+)?)".join(map(re.escape, part)) for part in words)
+    found = re.fullmatch(".+".join(parts), printed)
+    return found is not None and all(map(_agree, figures, found.groups()))
+
+
+def _agree(quoted: str, printed: str) -> bool:
+    """Whether two figures are the same but for how processors round."""
+    first, second = float(quoted), float(printed)
+    off, largest = abs(first - second), max(first, second)
+    if quoted.isdigit() and printed.isdigit():
+        return off <= WHOLE * largest
+    digits = min(len(figure.partition(".")[2]) for figure in (quoted, printed))
+    return off <= max(DECIMAL * largest, (DIGITS + 1e-6) * 10.0**-digits)
 
 
 def _corrected(quoted: Sequence[str], printed: Sequence[str]) -> list[str]:

@@ -130,6 +130,25 @@ $ exit 6
 """
 
 
+PRINTED = "x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041"
+
+
+@pytest.mark.parametrize(
+    ("printed", "is_quoted"),
+    [
+        ("x: mass  8.000 -> 7.9 kg, ±431, 20 sites, node 2 at 0x6041", True),
+        ("x: mass 8.0 -> 5.9 kg, ±446, 20 sites, node 2 at 0x6041", False),
+        ("x: mass 8.0 -> 7.9992 kg, ±446, 21 sites, node 2 at 0x6041", False),
+        ("x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 3 at 0x6041", False),
+        ("x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6042", False),
+        ("y: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041", False),
+    ],
+)
+def test_only_figures_may_differ_and_by_little(printed: str, is_quoted: bool) -> None:
+    command = docs_commands.Command("cat", range(1), (PRINTED,))
+    assert (command.corrected([printed]) == [PRINTED]) is is_quoted
+
+
 def test_blocks_are_followed_in_order_up_to_what_takes_minutes(tmp_path: Path) -> None:
     followed = list(docs_commands.follow(PAGE, tmp_path, minutes=False))
     assert [command.text for command, _ in followed][2:] == ["echo not quoted", "exit 3"]
