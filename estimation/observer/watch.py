@@ -113,6 +113,7 @@ WATCH_DTYPE = np.dtype(
         ("last_error", "f8"),
         ("strikes", "i8"),
         ("turns", "i8"),
+        ("turned_in", "i8"),
         ("stands", "i8"),
         ("last_strike", "f8"),
         ("closed_power", "f8"),
@@ -140,9 +141,9 @@ WATCH_DTYPE = np.dtype(
 - of the block under way, at a steady demand: count; power, sum: of squares and of the deviation
   [m^2, m]; crossings: changes of sign; wait: blocks not to judge;
 - allowed: power that a motion or a push may have left [m^2]; last_error: of the block before;
-  strikes, stands: blocks with too much power, in which a deviation stood; turns: changes of sign in
-  the former; last_strike: power of the last of them, closed_power: of the last two, the
-  larger; known_power: of what comes from elsewhere;
+  strikes, stands: blocks with too much power, in which a deviation stood; turns: changes of sign
+  since the last quiet block, turned_in: so many blocks; last_strike: power of the last block with
+  too much, closed_power: of the last two, the larger; known_power: of what comes from elsewhere;
   tries, opened: blocks of an experiment, and the sum of their powers;
 - of the block under way at any demand: any_count; sums of deviation, of the drive's own force, of
   the absolute measured force and of the correction [m, N]; limited: samples at the limit;
@@ -252,18 +253,19 @@ def judge_block(figures, watched, now, limited, moving):  # type: ignore[no-unty
         note(watched, STANDS, abs(error), 0.0)
         return
     if power <= max(figures.floor, watched.known_power / DIES):
-        watched.strikes = watched.turns = 0
+        watched.strikes = watched.turns = watched.turned_in = 0
         watched.last_strike = 0.0
         return
     if watched.crossings <= 2 and power <= ROUNDING**2 * figures.floor:
         return
     watched.turns += watched.crossings
+    watched.turned_in += 1
     if power > allowed:
         watched.strikes += 1
         watched.closed_power = max(power, watched.last_strike)
         watched.last_strike = power
     if min(watched.strikes, watched.turns) >= STRIKES:
-        waves = 0.5 * watched.turns / (watched.strikes * watched.count)
+        waves = 0.5 * watched.turns / (watched.turned_in * watched.count)
         freeze(figures, watched, now, TRYING)
         note(watched, SUSPECTED, math.sqrt(watched.closed_power), waves)
 
@@ -305,7 +307,7 @@ def freeze(figures, watched, now, mode):  # type: ignore[no-untyped-def]
     whole = watched.any_correction + figures.block * watched.mean
     now.correction = whole / (watched.any_count + figures.block)
     watched.mode, watched.strikes, watched.stands, watched.turns = mode, 0, 0, 0
-    watched.tries, watched.opened = 0, 0.0
+    watched.tries, watched.turned_in, watched.opened = 0, 0, 0.0
     watched.wait, watched.found_at = 1, watched.clock
 
 
