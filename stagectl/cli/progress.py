@@ -76,6 +76,9 @@ class RunProgress:
             auto_refresh=False,
             transient=True,
             disable=not console.is_terminal,
+            # the thread that draws must not swap streams that all others write to
+            redirect_stdout=False,
+            redirect_stderr=False,
         )
         steps = plan_from(recipe, done)
         self._moves = sum(isinstance(step, MoveStep | Excite) for step in steps)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pty
 import re
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -79,6 +80,14 @@ def test_the_clock_runs_while_nothing_happens(terminal: Terminal, recipe: Recipe
         progress.phase("homing")
         terminal.wait_for("homing.*0:00:01")
         terminal.wait_for("homing.*0:00:02")
+
+
+def test_the_streams_of_the_process_stay_in_place(terminal: Terminal, recipe: Recipe) -> None:
+    before = sys.stdout, sys.stderr  # swapped by a thread, they may come back at any time
+    with shown(terminal, recipe) as progress:
+        progress.phase("homing")
+        terminal.wait_for("homing")
+        assert (sys.stdout, sys.stderr) == before
 
 
 def test_what_the_stage_waits_for_is_shown(terminal: Terminal, recipe: Recipe) -> None:
