@@ -9,6 +9,7 @@ _ANGULAR = {
     "mm": "mrad",
     "µm": "µrad",
     "m/s": "rad/s",
+    "m/s^2": "rad/s^2",
     "mm/s": "mrad/s",
     "1/m": "1/rad",
     "N": "N m",

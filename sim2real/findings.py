@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainSerializer, TypeAdapter, WrapSerializer
 
-FORMAT, VERSION = "stagectl-gap-report", 1
+FORMAT, VERSION = "stagectl-gap-report", 2
 
 NO_GAP = "no_gap"
 EXPLAINED = "explained"
@@ -24,6 +24,19 @@ INSUFFICIENT = "insufficient"
 SHORTEST = 1.0
 """Recordings shorter than this are insufficient [s]."""
 VERDICTS = (NO_GAP, EXPLAINED, PARTLY_EXPLAINED, UNEXPLAINED, INSUFFICIENT)
+
+OVER = {
+    "velocity": "m/s",
+    "position": "m",
+    "position_direction": "m",
+    "reversal_path": "m",
+    "force": "N",
+    "acceleration": "m/s^2",
+    "time": "s",
+    "frequency": "Hz",
+    "other_axis": "m",
+}
+"""Coordinates of unlisted effects, and their units."""
 
 CLOSED_LOOP, OPEN_LOOP = "closed_loop", "open_loop"
 """What is simulated: the loop from its demands, or the force along the measured motion."""
@@ -148,6 +161,47 @@ class Cause:
     gap_closed: Number | None
     gap_closed_interval: tuple[Number, Number] | None
     remedy: Words = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceCurve:
+    """A force over a coordinate, linear between nodes.
+
+    Attributes:
+        at: nodes, in the coordinate's unit.
+        force: at each of them [N].
+        sigma: of these [N].
+    """
+
+    at: tuple[Number, ...]
+    force: tuple[Number, ...]
+    sigma: tuple[Number, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Unlisted:
+    """A coordinate that a force depends on which no effect of the library has.
+
+    Attributes:
+        axis: on which it acts.
+        over: the coordinate: one of `OVER`.
+        alike: coordinates that these recordings cannot tell from it.
+        probability: that it is the right one.
+        gap_closed: share of the axis' gap in force along the motion that the curve closes on
+            held-out moves.
+        gap_closed_interval: 95 % interval of it.
+        curve: the force. Over position_direction it is that of forward motion; over reversal_path
+            the force after a full reversal; over frequency amplitudes of oscillators driven by the
+            acceleration.
+    """
+
+    axis: str
+    over: str
+    alike: tuple[str, ...]
+    probability: Number
+    gap_closed: Number
+    gap_closed_interval: tuple[Number, Number]
+    curve: ForceCurve
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,6 +387,7 @@ class GapReport:
         channels: faults of channels.
         where: cells of motion that hold most of the gap, largest share first.
         causes: effects found, largest share of the gap first.
+        unlisted: coordinates of forces that no effect of the library has, most probable first.
         candidates: effects considered.
         confusable: sets of effects that the recordings cannot tell apart.
         gap: axis -> signal -> figures.
@@ -371,6 +426,7 @@ class GapReport:
     gap_closed_elsewhere: Number | None = None
     where: tuple[Where, ...] = ()
     causes: tuple[Cause, ...] = ()
+    unlisted: tuple[Unlisted, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     confusable: tuple[Confusable, ...] = ()
     steps: tuple[SelectionStep, ...] = ()

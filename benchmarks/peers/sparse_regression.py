@@ -19,7 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.attribution.friction_profile import stop_operators
+from sim2real.rivals.coordinates import stop_operators
 from sim2real.diagnosis import Examination
 from sim2real.fitting import BASE, MAX_SIGMAS, NUISANCES, AxisModel, Term, coordinates
 from sim2real.gap import Measured

@@ -3,7 +3,7 @@
 The plant is one compiled kernel that knows ports, not effects (docs/decisions). Before a simulation
 each effect writes into the ports of its axis; in a port written by several, factors multiply and
 forces add. From the controller's output to the force on the carriage the order is dead time,
-current loop (whose output is measured), force constant, saturation, gain over position; then
+current loop (whose output is measured), loss, force constant, saturation, gain over position; then
 
     m dv/dt = F_motor - F_f - F_d,   F_d the sum of all disturbance forces.
 
@@ -29,7 +29,7 @@ POSITION_STEP = 1e-4
 POSITION_MARGIN = 0.01
 """Margin of tables over position beyond the travel [m]."""
 VELOCITY_NODES = 1500
-"""Nodes of tables over velocity on each side of zero, densest near zero."""
+"""Nodes of tables over velocity or motor force on each side of zero, densest near zero."""
 MOST_DELAY = 0.05
 """Longest dead time [s]."""
 LIVE_DURATION = 600.0
@@ -110,6 +110,7 @@ class EffectPorts:
         self.position_gain: F64 | None = None
         self.misreading: F64 | None = None
         self.velocity_force: F64 | None = None
+        self.motor_loss: F64 | None = None
         self.time_force: F64 | None = None
         self.time_coulomb: F64 | None = None
         self.harmonics: list[tuple[float, float, float]] = []
@@ -138,6 +139,12 @@ class EffectPorts:
         return np.asarray(1.5 * self.axis.velocity * root * np.abs(root))
 
     @property
+    def motor_forces(self) -> F64:
+        """Nodes of tables over the measured force, up to 1.5 times its peak, float64[n] [N]."""
+        root = np.arange(-VELOCITY_NODES, VELOCITY_NODES + 1) / VELOCITY_NODES
+        return np.asarray(1.5 * self.axis.control.peak_force * root * np.abs(root))
+
+    @property
     def times(self) -> F64:
         """Nodes of tables over time: the SYNCs of the simulation, float64[n] [s]."""
         duration = LIVE_DURATION if self._duration is None else self._duration
@@ -153,6 +160,10 @@ class EffectPorts:
     def add_velocity_force(self, force: F64) -> None:
         """Disturbance force at each of `velocities` [N], positive against motion at v > 0."""
         self.velocity_force = _sum(self.velocity_force, force, self.velocities)
+
+    def lose_motor_force(self, loss: F64) -> None:
+        """What of each of `motor_forces` does not reach the carriage [N]."""
+        self.motor_loss = _sum(self.motor_loss, loss, self.motor_forces)
 
     def add_time_force(self, force: F64) -> None:
         """Disturbance force at each of `times` [N]."""

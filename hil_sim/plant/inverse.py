@@ -19,7 +19,14 @@ from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.friction.gms import Slip, slide
 from hil_sim.plant.friction.laws import GMS
 from hil_sim.plant.friction.stribeck import stribeck
-from hil_sim.plant.ports.disturbances import coulomb_factor, drag, drive, refresh, swing
+from hil_sim.plant.ports.disturbances import (
+    coulomb_factor,
+    drag,
+    drive,
+    refresh,
+    reported_force,
+    swing,
+)
 from hil_sim.settings import AxisSettings, StageSettings
 from stagedata.compiled import kernel
 
@@ -141,4 +148,5 @@ def _follow(m, coupled, period, course, force):  # type: ignore[no-untyped-def]
             if p.saturation > 0.0:
                 bent = min(max(wanted / p.saturation, -_MOST), _MOST)
                 wanted = p.saturation * math.atanh(bent)
-            force[k, a] = wanted / p.gain
+            wanted /= p.gain
+            force[k, a] = reported_force(p, arena, wanted) if p.motor_loss >= 0 else wanted

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.attribution.alternatives import Alternative, score_alternative
 from sim2real.attribution.levels import is_wander
-from sim2real.attribution.shape_check import Repeat
 from sim2real.dictionary import Candidate
+from sim2real.findings import Unlisted
 from sim2real.fitting import STEP, AxisModel, AxisProblem, Fitted, Term, fit
-from sim2real.free_loop import FreeLoop, FreeSearch, fit_figures, move_covariance
+from sim2real.free_loop import FreeLoop, FreeSearch, move_covariance
 from sim2real.gap import Measured
 from sim2real.held_out import FLOOR_LEVEL, axis_gap
 from sim2real.scoring import weigh_effect
@@ -29,7 +29,6 @@ from sim2real.scoring.constants import (
     LEAST_GAIN,
     SCATTER,
     SURE,
-    SURE_FAMILY,
     TEMPER,
     VISIBLE,
 )
@@ -47,13 +46,13 @@ class AxisResult:
         best: the effects found, fitted.
         open_gap: squared gap over floor of the machine file on this axis.
         is_complete: whether `best` leaves nothing but noise, or there was nothing to explain.
-        repeats: effect found -> fit with the same effect a second time (`shape_check`).
         alternatives: sets of effects that were fitted, without duplicates, best first.
         levels: effect on the Coulomb level -> others that could take its place -> odds.
         free: the search in the free loop, where that took over.
         folds: models fitted to all moves but a fold's, where the free loop gave the figures.
         scanned: effect -> its best candidate in the first scan.
         scatter: of figures over stages, over what the covariance gives.
+        unlisted: coordinates that a force depends on which no effect of the library has.
     """
 
     axis: AxisSettings
@@ -61,17 +60,13 @@ class AxisResult:
     best: Fitted
     open_gap: float = 0.0
     is_complete: bool = True
-    repeats: Mapping[str, Repeat] = field(default_factory=dict)
     alternatives: Sequence[Alternative] = ()
     levels: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     free: FreeSearch | None = None
     folds: Sequence[AxisModel] = ()
     scanned: Mapping[str, Candidate] = field(default_factory=dict)
     scatter: float = 1.0
-
-    def departs(self, effect: str) -> bool:
-        """Whether an effect found has another shape than the library's."""
-        return effect in self.repeats and self.repeats[effect].departs
+    unlisted: Sequence[Unlisted] = ()
 
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place."""
@@ -116,32 +111,17 @@ class AxisSearch(AxisResult):
         if self.free is not None:
             return self.free.probability(effect)
         names = self.best.model.names()
-        widest = math.inf
-        # Among models that all leave structure the closed loop decides, not the innovations.
-        if self.departs(effect):
-            own_gaps = (a.gap for a in self.alternatives if set(a.model.names()) == set(names))
-            widest = min(own_gaps, default=math.inf)
         scores = {
             tuple(sorted(a.model.names())): score_alternative(self.problem, a) / TEMPER
             for a in reversed(self.alternatives)
-            if a.gap <= widest
         }
         own = scores.setdefault(tuple(sorted(names)), min(scores.values(), default=0.0))
         for other, odds in self.levels.get(effect, {}).items():
             swapped = tuple(sorted({*names, other} - {effect}))
             scores[swapped] = own - 2.0 * math.log(odds) if odds > 0.0 else math.inf
         probability, others = weigh_effect(scores, names, effect)
-        return probability * self._confidence(effect), others
-
-    def _confidence(self, effect: str) -> float:
-        """Confidence in a name: nearly 1 where nothing is left, or the share of the gap closed.
-
-        An effect of the right family in another shape closes most of the gap, and the same effect
-        once more takes up the rest.
-        """
-        if self.departs(effect):
-            return SURE_FAMILY
-        return SURE if self.closes > ENOUGH else max(self.closes, 0.0)
+        # Nearly certain where nothing is left, else as far as the gap closes.
+        return probability * (SURE if self.closes > ENOUGH else max(self.closes, 0.0)), others
 
     def is_needed(self, term: Term) -> bool:
         """Whether the model is complete with an effect and scores clearly worse without it.
@@ -173,23 +153,13 @@ class AxisSearch(AxisResult):
         scale[:STEP] = self.spread[:STEP]
         return np.asarray(found[np.ix_(own, own)] / np.outer(scale, scale))
 
-    def discarding(self, names: tuple[str, ...]) -> AxisSearch:
-        """The search as if this set of effects had never been considered."""
-        kept = [a for a in self.alternatives if set(a.model.names()) != set(names)]
-        return replace(self, is_complete=False, alternatives=kept)
-
-    def preferring(self, model: AxisModel, gap: float) -> AxisSearch:
-        """The search with a model before all alternatives."""
-        first = Alternative(self.problem.unfitted(model), gap)
-        return replace(self, alternatives=[first, *self.alternatives])
-
     def decided_in_loop(self, free: FreeSearch) -> AxisSearch:
         """What the free loop names on an axis that innovations leave open: effects, or none.
 
         Where innovations confirm them by nothing but noise being left, the figures are theirs: they
         know them several times better.
         """
-        search = replace(self, free=free, repeats={})
+        search = replace(self, free=free)
         if not free.names_causes():
             return replace(search, best=self.plain)
         best, folds = self._figures(free.loop, free.best, free.folds)
@@ -198,16 +168,9 @@ class AxisSearch(AxisResult):
             best, folds = confirmed, []
         return replace(search, best=best, folds=folds, is_complete=is_complete)
 
-    def fitted_in_loop(self, loop: FreeLoop, model: AxisModel) -> AxisSearch:
-        """Effects with figures fitted in the free loop, as where structure is left.
-
-        Innovations that a model cannot explain distort its figures. Values that cannot be simulated
-        stay as they are.
-        """
-        if not loop.allows(model):
-            return self
-        best, folds = self._figures(loop, *fit_figures(loop, model))
-        return replace(self, best=best, folds=folds)
+    def without_names(self, unlisted: Sequence[Unlisted]) -> AxisSearch:
+        """The search where a coordinate is the answer, or nothing: no effect of the library."""
+        return replace(self, best=self.plain, free=None, is_complete=False, unlisted=unlisted)
 
     def _figures(
         self, loop: FreeLoop, fitted: Fitted, folds: Sequence[Fitted]
@@ -280,16 +243,13 @@ def measure_closed(
 ) -> dict[str, AxisSearch]:
     """The searches with the share of each axis' gap that its model closes.
 
-    A single effect in another shape is measured with its repeat. Arguments as `drop_invisible`.
+    Arguments as `drop_invisible`.
     """
     models = {name: search.best.model for name, search in searches.items()}
     closed = dict(searches)
     for name, search in searches.items():
         before = axis_gap(name, {**models, name: search.problem.start}, measured, settings)
         after = axis_gap(name, models, measured, settings)
-        names = models[name].names()
-        if len(names) == 1 and search.departs(names[0]):
-            after = min(after, search.repeats[names[0]].gap)
         if before > FLOOR_LEVEL + VISIBLE:
             share = 1.0 - (after - FLOOR_LEVEL) / (before - FLOOR_LEVEL)
             closed[name] = replace(search, closes=share)

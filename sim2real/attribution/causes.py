@@ -90,18 +90,14 @@ def _later(result: AxisResult, term: Term) -> str:
 def _largest_probability(result: AxisResult, term: Term, figures: Mapping[str, Parameter]) -> float:
     """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
 
-    Doubt arises from a size that may be zero by its sigma (unless the effect has another shape than
-    the library's), and from implausible values (unless the effect stands for a free form, or alone
-    explains the axis completely). What the fit needs is doubted for both only.
+    Doubt arises from a size that may be zero by its sigma, and from implausible values (unless the
+    effect alone explains the axis completely). What the fit needs is doubted for both only.
     """
     axis = result.axis
-    is_free = term.name in result.repeats and result.repeats[term.name].is_free
     alone = result.is_complete and len(result.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
-    uncertain = not result.departs(term.name) and any(
-        _is_size_uncertain(entry, figures, axis) for entry in entries
-    )
-    implausible = not (is_free or alone) and implausibility(term, axis) > STRANGE
+    uncertain = any(_is_size_uncertain(entry, figures, axis) for entry in entries)
+    implausible = not alone and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
     return DOUBTED if doubts > result.is_needed(term) else 1.0
 

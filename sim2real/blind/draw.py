@@ -42,6 +42,7 @@ class Drawn:
         values: key -> value, SI units.
         gap: combined gap that it opens alone, in floors.
         kin: its family in the library: its own name for an effect of the library, "" for none.
+        over: coordinate that it is a force over, of an effect outside the library.
     """
 
     axis: str
@@ -49,6 +50,7 @@ class Drawn:
     values: Mapping[str, float]
     gap: float
     kin: str
+    over: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,8 @@ def _draw_visible(
                 continue
             gap = gap_of(add_effects(settings, axis.name, effect.at(**values)))
             if gap >= LEAST:
-                return Drawn(axis.name, effect.name, values, gap, family_of(effect))
+                over = effect.over if isinstance(effect, UnlistedEffect) else ""
+                return Drawn(axis.name, effect.name, values, gap, family_of(effect), over)
     raise ValueError(f"{', '.join(e.name for e in pool)}: opens no gap of {LEAST:g} floors")
 
 

@@ -44,6 +44,7 @@ class Outcome:
         verdict: of the report.
         reported: its causes, in its order.
         confusable: its sets, (axis, names).
+        unlisted: its coordinates, (axis, the likeliest and those alike), most probable first.
         sigmas: "axis.effect.key" -> (reported - true)/sigma, of causes named correctly.
         gap: combined gap in floors of the machine file against the first recording.
         promised: gap closed that the report promises, None where it promises none.
@@ -72,6 +73,7 @@ class Outcome:
     nonce: str
     digest: str
     error: str = ""
+    unlisted: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; figures that are not finite are null."""

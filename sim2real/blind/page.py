@@ -29,9 +29,9 @@ may hold several seeds.
 | {SHARES["two"]:.2f} | two of them, on the same or different axes | both names |
 | {SHARES["none"]:.2f} | none | `no_gap` |
 | {SHARES["outside"]:.2f} | one of no family (quadratic drag, force bump, random walk, ...) | \
-`unexplained`, `partly_explained`, or no cause above 0.5 |
+its coordinate, and no name above 0.5 |
 | {SHARES["departing"]:.2f} | one of a family, in another shape (cogging with harmonics, another \
-profile, another warm-up law, ...) | the family's name, and that a remainder is left |
+profile, another warm-up law, ...) | the family's name or its coordinate |
 
 - Names are equally likely, sizes uniform over the ranges of docs/formats/effects.md (in the
   logarithm where these span a ratio), redrawn until each effect alone opens a combined gap of

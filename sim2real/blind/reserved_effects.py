@@ -30,6 +30,7 @@ from sim2real.blind.unlisted_effects import (
     Parameter("half_width", "m", "of its base", (10e-3, 50e-3), role="shape", log=True),
     group="friction",
     family="friction_position",
+    over="position_direction",
 )
 def tent_profile(ports: EffectPorts, p: Values) -> None:
     """Friction that rises linearly to one place: a rail that is bent there."""
@@ -44,6 +45,7 @@ def tent_profile(ports: EffectPorts, p: Values) -> None:
     Parameter("share", "", "of the first", (0.3, 0.7), role="shape"),
     group="friction",
     family="thermal_drift",
+    over="time",
 )
 def two_stage_warm_up(ports: EffectPorts, p: Values) -> None:
     """Warm-up with two time constants: the film within seconds, the grease within minutes."""
@@ -58,6 +60,7 @@ def two_stage_warm_up(ports: EffectPorts, p: Values) -> None:
     Parameter("width", "m", "of the change", (1e-3, 10e-3), role="shape", log=True),
     group="friction",
     family="friction_position",
+    over="position_direction",
 )
 def worn_half(ports: EffectPorts, p: Values) -> None:
     """One end of the rail has more friction, or less: worn in, or never greased."""
@@ -69,6 +72,7 @@ def worn_half(ports: EffectPorts, p: Values) -> None:
     Parameter("slope", "", "change of Fc 60 mm off the middle", (0.1, 0.35), signed=True),
     group="friction",
     family="friction_position",
+    over="position_direction",
 )
 def sloped_friction(ports: EffectPorts, p: Values) -> None:
     """Friction that grows along the rail: an uneven preload."""
@@ -81,6 +85,7 @@ def sloped_friction(ports: EffectPorts, p: Values) -> None:
     PHASE,
     group="friction",
     family="friction_position",
+    over="position_direction",
 )
 def periodic_friction(ports: EffectPorts, p: Values) -> None:
     """Friction in waves over position: balls of the guide, joints of the rail."""
@@ -90,6 +95,7 @@ def periodic_friction(ports: EffectPorts, p: Values) -> None:
 @unlisted(
     Parameter("force", "N", "40 mm beyond where it gets taut", (0.8, 3.0)),
     Parameter("taut", "m", "where it does", (-0.02, 0.03), role="place"),
+    over="position",
 )
 def taut_hose(ports: EffectPorts, p: Values) -> None:
     """A hose that hangs loose until it becomes taut towards one end of the travel."""
@@ -102,6 +108,7 @@ def taut_hose(ports: EffectPorts, p: Values) -> None:
     Parameter("stiffness", "N/m", "of the stiff part", (1e3, 5e3), role="shape", log=True),
     Parameter("slide", "m", "of the soft part", (2e-3, 8e-3), role="shape", log=True),
     family="cable_hysteresis",
+    over="reversal_path",
 )
 def soft_cable(ports: EffectPorts, p: Values) -> None:
     """A cable loop of two parts, the second so soft that it takes millimetres to slide."""

@@ -75,12 +75,13 @@ class Score:
         one_only: the right name, and no other.
         none: verdict `no_gap`.
         alarms: trials without an effect in which one was named.
-        outside: verdict `unexplained` or `partly_explained`, or no cause above 0.5.
+        outside: no name above 0.5.
+        coordinate: the same kind, the right coordinate first or among those alike.
         two: both named.
         two_safe: at least one right and none wrong.
         several: all of three to six effects on one axis named.
         several_safe: the same kind, none wrong.
-        family: another shape: the family is named on the axis.
+        family: another shape: the family is named on the axis, or the right coordinate is given.
         remainder: the same, and what is left is admitted.
         left_out: safe answers, or an honest relative, where the true effects were not in the
             library.
@@ -102,6 +103,7 @@ class Score:
     none: Share
     alarms: Share
     outside: Share
+    coordinate: Share
     two: Share
     two_safe: Share
     several: Share
@@ -147,14 +149,15 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         _share(of_kind["none"], lambda o: o.verdict == NO_GAP),
         _share(of_kind["none"], lambda o: bool(confident(o))),
         _share(of_kind["outside"], is_safe),
+        _share(of_kind["outside"], is_coordinate_right),
         _share(of_kind["two"], lambda o: true_pairs(o) <= confident(o)),
         _share(of_kind["two"], lambda o: bool(confident(o)) and confident(o) <= true_pairs(o)),
         _share(of_kind["several"], lambda o: true_pairs(o) <= confident(o)),
         _share(of_kind["several"], lambda o: confident(o) <= true_pairs(o)),
-        _share(of_kind["departing"], lambda o: true_pairs(o) <= confident(o)),
+        _share(of_kind["departing"], is_family_right),
         _share(
             of_kind["departing"],
-            lambda o: true_pairs(o) <= confident(o) and o.verdict == PARTLY_EXPLAINED,
+            lambda o: is_family_right(o) and o.verdict in (PARTLY_EXPLAINED, UNEXPLAINED),
         ),
         _share([o for o in outcomes if o.leave_out and o.truth], is_honest),
         Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
@@ -208,10 +211,19 @@ def is_first_right_or_set(outcome: Outcome) -> bool:
 
 
 def is_safe(outcome: Outcome) -> bool:
-    """Whether nothing is claimed that a reader would take for the whole truth."""
-    if outcome.error:
-        return False
-    return outcome.verdict in (UNEXPLAINED, PARTLY_EXPLAINED) or not confident(outcome)
+    """Whether no effect is named that does not act."""
+    return not outcome.error and confident(outcome) <= true_pairs(outcome)
+
+
+def is_coordinate_right(outcome: Outcome) -> bool:
+    """Whether the first coordinate of an axis, or one alike, is that of an effect on it."""
+    right = {(drawn.axis, drawn.over) for drawn in outcome.truth if drawn.over}
+    return any((axis, over) in right for axis, names in outcome.unlisted[:1] for over in names)
+
+
+def is_family_right(outcome: Outcome) -> bool:
+    """Whether the family of an effect in another shape is named, or its coordinate given."""
+    return is_safe(outcome) and (bool(confident(outcome)) or is_coordinate_right(outcome))
 
 
 def is_honest(outcome: Outcome) -> bool:
@@ -250,7 +262,7 @@ def is_wrong(outcome: Outcome) -> bool:
         "several": lambda o: confident(o) == true_pairs(o),
         "none": lambda o: o.verdict == NO_GAP,
         "outside": is_safe,
-        "departing": lambda o: true_pairs(o) == confident(o) and o.verdict == PARTLY_EXPLAINED,
+        "departing": is_family_right,
     }
     return not checks[outcome.kind](outcome)
 

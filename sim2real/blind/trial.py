@@ -185,6 +185,7 @@ def run_trial(
         trial.sealed.nonce,
         trial.sealed.digest,
         error,
+        () if report is None else tuple((u.axis, (u.over, *u.alike)) for u in report.unlisted),
     )
 
 

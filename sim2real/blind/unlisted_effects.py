@@ -33,6 +33,7 @@ class UnlistedEffect(Effect):
 
     Attributes:
         family: name of the library's effect whose family it belongs to; "" for none.
+        over: coordinate that it is a force over (`sim2real.findings.OVER`).
     """
 
     equation = ""
@@ -40,10 +41,11 @@ class UnlistedEffect(Effect):
     remedy = "None: it is not to be found."
     searched = False
     family: ClassVar[str]
+    over: ClassVar[str]
 
 
 def unlisted(
-    *parameters: Parameter, group: Group = "force", family: str = ""
+    *parameters: Parameter, over: str, group: Group = "force", family: str = ""
 ) -> Callable[[Callable[[EffectPorts, Values], None]], UnlistedEffect]:
     """Make an effect of a function: of its name, its docstring, and what it does to the ports."""
 
@@ -53,6 +55,7 @@ def unlisted(
             "name": apply.__name__,
             "group": group,
             "family": family,
+            "over": over,
             "parameters": parameters,
             "apply": lambda _, ports, values: apply(ports, values),
         }
@@ -62,21 +65,30 @@ def unlisted(
     return make
 
 
-@unlisted(Parameter("drag", "N s^2/m^2", "F_d += drag v |v|", (20.0, 100.0), neutral=0.0))
+@unlisted(
+    Parameter("drag", "N s^2/m^2", "F_d += drag v |v|", (20.0, 100.0), neutral=0.0), over="velocity"
+)
 def quadratic_drag(ports: EffectPorts, p: Values) -> None:
     """Air that a cover or a wide table pushes aside."""
     speed = ports.velocities
     ports.add_velocity_force(p["drag"] * speed * np.abs(speed))
 
 
-@unlisted(Parameter("drag", "N (s/m)^0.5", "F_d += drag sgn(v) |v|^0.5", (2.0, 6.0), neutral=0.0))
+@unlisted(
+    Parameter("drag", "N (s/m)^0.5", "F_d += drag sgn(v) |v|^0.5", (2.0, 6.0), neutral=0.0),
+    over="velocity",
+)
 def root_drag(ports: EffectPorts, p: Values) -> None:
     """A lubricant that thins under shear: resistance with the root of speed."""
     speed = ports.velocities
     ports.add_velocity_force(p["drag"] * np.sign(speed) * np.sqrt(np.abs(speed)))
 
 
-@unlisted(Parameter("force", "N", "60 mm off the center", (0.8, 3.0), neutral=0.0), CENTER)
+@unlisted(
+    Parameter("force", "N", "60 mm off the center", (0.8, 3.0), neutral=0.0),
+    CENTER,
+    over="position",
+)
 def cubic_cable(ports: EffectPorts, p: Values) -> None:
     """A hose that stiffens towards the ends of the travel."""
     away = (ports.positions - p["center"]) / 0.06
@@ -87,6 +99,7 @@ def cubic_cable(ports: EffectPorts, p: Values) -> None:
     Parameter("force", "N", "largest", (0.8, 2.5), signed=True, neutral=0.0),
     CENTER,
     Parameter("width", "m", "of the bump", (4e-3, 15e-3), role="shape", above=0.0, log=True),
+    over="position",
 )
 def force_bump(ports: EffectPorts, p: Values) -> None:
     """A magnet or a steel part beside the way: a pull towards one place."""
@@ -97,13 +110,16 @@ def force_bump(ports: EffectPorts, p: Values) -> None:
 @unlisted(
     Parameter("force", "N", "from then on", (0.6, 2.0), signed=True, neutral=0.0),
     Parameter("time", "s", "when", (2.0, 8.0), role="shape", least=0.0),
+    over="time",
 )
 def force_step(ports: EffectPorts, p: Values) -> None:
     """A cable that snags and stays snagged."""
     ports.add_time_force(np.where(ports.times < p["time"], 0.0, p["force"]))
 
 
-@unlisted(Parameter("rate", "N/s^0.5", "rms after a second", (0.2, 0.8), neutral=0.0), _SEED)
+@unlisted(
+    Parameter("rate", "N/s^0.5", "rms after a second", (0.2, 0.8), neutral=0.0), _SEED, over="time"
+)
 def random_walk(ports: EffectPorts, p: Values) -> None:
     """A force that wanders: a draught, a drifting current sensor, a hose that creeps."""
     times = ports.times
@@ -116,6 +132,7 @@ def random_walk(ports: EffectPorts, p: Values) -> None:
     Parameter("ratio", "", "change of Fc", (0.1, 0.35), signed=True, neutral=0.0, above=-1.0),
     Parameter("time", "s", "when", (2.0, 8.0), role="shape", least=0.0),
     group="friction",
+    over="time",
 )
 def friction_step(ports: EffectPorts, p: Values) -> None:
     """Dirt or a drop of lubricant: another friction level from then on."""
@@ -128,6 +145,7 @@ def friction_step(ports: EffectPorts, p: Values) -> None:
     Parameter("frequency", "Hz", "", (0.3, 3.0), role="shape", above=0.0, log=True),
     PHASE,
     group="friction",
+    over="time",
 )
 def friction_pulsing(ports: EffectPorts, p: Values) -> None:
     """Friction that rises and falls with time: lubricant metered out, a wiper that breathes."""
@@ -139,6 +157,7 @@ def friction_pulsing(ports: EffectPorts, p: Values) -> None:
     Parameter("amplitude", "N", "of the force", (0.4, 1.0), neutral=0.0),
     Parameter("frequency", "Hz", "at first", (10.0, 40.0), role="shape", above=0.0, log=True),
     Parameter("rate", "Hz/s", "of its rise", (2.0, 6.0), role="shape"),
+    over="time",
 )
 def sweep(ports: EffectPorts, p: Values) -> None:
     """A machine nearby that runs up: vibration of rising frequency."""
@@ -151,6 +170,7 @@ def sweep(ports: EffectPorts, p: Values) -> None:
     Parameter("error", "m", "amplitude", (1e-6, 4e-6), neutral=0.0),
     Parameter("pitch", "m", "period", (5e-3, 20e-3), role="shape", least=2e-3, log=True),
     PHASE,
+    over="position",
 )
 def scale_error(ports: EffectPorts, p: Values) -> None:
     """A nonlinear encoder scale: it reads too much here, too little there."""
@@ -164,6 +184,7 @@ def scale_error(ports: EffectPorts, p: Values) -> None:
     Parameter("second", "", "harmonic over the fundamental", (0.2, 0.5), role="shape"),
     Parameter("third", "", "harmonic over the fundamental", (0.0, 0.3), role="shape"),
     family="cogging",
+    over="position",
 )
 def cogging_harmonics(ports: EffectPorts, p: Values) -> None:
     """Cogging with second and third harmonic."""
@@ -181,6 +202,7 @@ def cogging_harmonics(ports: EffectPorts, p: Values) -> None:
     Parameter("second", "", "harmonic over the fundamental", (0.2, 0.5), role="shape"),
     group="motor",
     family="force_ripple",
+    over="position",
 )
 def ripple_harmonics(ports: EffectPorts, p: Values) -> None:
     """Force ripple with its second harmonic."""
@@ -195,6 +217,7 @@ def ripple_harmonics(ports: EffectPorts, p: Values) -> None:
     Parameter("width", "m", "half its length", (8e-3, 25e-3), role="shape", least=3e-3),
     group="friction",
     family="friction_position",
+    over="position_direction",
 )
 def rough_stretch(ports: EffectPorts, p: Values) -> None:
     """A stretch of the rail with more friction, from here to there."""
@@ -207,6 +230,7 @@ def rough_stretch(ports: EffectPorts, p: Values) -> None:
     Parameter("time", "s", "until half of it is gone", (1.0, 20.0), role="shape", above=0.0),
     group="friction",
     family="thermal_drift",
+    over="time",
 )
 def slow_warm_up(ports: EffectPorts, p: Values) -> None:
     """A warm-up that is fast at first and never quite ends."""
@@ -218,6 +242,7 @@ def slow_warm_up(ports: EffectPorts, p: Values) -> None:
     Parameter("force", "N", "of both", (0.6, 1.6), neutral=0.0, least=0.0),
     Parameter("stiffness", "N/m", "of the stiff one", (2e3, 6e3), role="shape", above=0.0),
     family="cable_hysteresis",
+    over="reversal_path",
 )
 def two_strand_cable(ports: EffectPorts, p: Values) -> None:
     """A cable with one strand that slides early and another that slides late."""
@@ -231,6 +256,7 @@ def two_strand_cable(ports: EffectPorts, p: Values) -> None:
     Parameter("phase", "rad", "at t = 0", None, role="phase"),
     Parameter("second", "", "harmonic over the fundamental", (0.2, 0.6), role="shape"),
     family="floor_vibration",
+    over="time",
 )
 def humming_floor(ports: EffectPorts, p: Values) -> None:
     """Vibration with its second harmonic."""

@@ -28,8 +28,10 @@ from sim2real.fitting import (
     with_base,
 )
 from sim2real.free_loop import FreeSearch, move_covariance, search_free
-from sim2real.held_out import HeldOut, Remaining
+from sim2real.held_out import FLOOR_LEVEL, HeldOut, Remaining
 from sim2real.open_loop import FIGURES, MotionLoop, compare_along, describe_residual, measure_motion
+from sim2real.rivals import Screen, find_rivals
+from sim2real.scoring.constants import OPEN
 
 F64 = NDArray[np.float64]
 
@@ -62,7 +64,7 @@ def search_along_motion(
     Arguments as `diagnosis.diagnose`.
     """
     names = list(examined.gap or {})
-    searches = {}
+    searches, loops = {}, {}
     with Workers(jobs) as workers:
         for number, name in enumerate(names):
 
@@ -83,15 +85,16 @@ def search_along_motion(
                 for n, effect in library.items()
                 if effect.searched and n not in same and n not in _BEHIND
             }
-            searches[name] = search_free(loop, sought, advance)
+            loops[name], searches[name] = loop, search_free(loop, sought, advance)
         progress("effects", 100 * len(names), 100 * len(names))
-        results = {name: _result(search) for name, search in searches.items()}
+        results = {name: _result(search, loops[name]) for name, search in searches.items()}
         return results, _hold_out(examined, searches)
 
 
-def _result(search: FreeSearch) -> AxisResult:
-    loop, best = search.loop, search.best
+def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
+    best = search.best
     covariance = move_covariance(loop, best)
+    without_names = not search.names_causes() and search.open_gap > OPEN * FLOOR_LEVEL
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
@@ -99,6 +102,7 @@ def _result(search: FreeSearch) -> AxisResult:
         open_gap=search.open_gap,
         is_complete=search.is_near_floor(),
         free=search,
+        unlisted=find_rivals(Screen(loop)).unlisted(loop.name) if without_names else (),
     )
 
 

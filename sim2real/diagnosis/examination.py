@@ -69,7 +69,7 @@ _CORRECT = "correct it first, or continue with --correct"
 _T = TypeVar("_T")
 Progress = Callable[[str, int, int], object]
 """Called with (what is being done, steps done, all steps)."""
-PHASES = ("channels", "floor and gap", "where", "effects", "shapes", "held-out moves")
+PHASES = ("channels", "floor and gap", "where", "effects", "curves", "held-out moves")
 """What is being done, in order."""
 
 

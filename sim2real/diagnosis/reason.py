@@ -63,7 +63,7 @@ def give_reason(
         verb = "closes" if len(causes) == 1 else "close"
         closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
         rest = "" if whole else "; the residual still has structure"
-        return f"{mode}{gap}; {name_causes(causes)}{closed}{rest}{_departed(results)}"
+        return f"{mode}{gap}; {name_causes(causes)}{closed}{rest}"
     if examined.open_loop is None:
         far_off = describe_far_off(examined)
         return f"{gap}, and no effect of the library explains it" + (far_off and f"; {far_off}")
@@ -91,17 +91,6 @@ def _why_not(search: FreeSearch) -> str:
         return f"but no real machine shows values like those of {' and '.join(strange)}"
     floors = math.sqrt(search.loop.gap(search.best.residual) / FLOOR_LEVEL)
     return f"but {floors:.3g} times the floor is left: what acts may be in no list"
-
-
-def _departed(results: Mapping[str, AxisResult]) -> str:
-    """Effects whose shape is not the library's."""
-    names = [
-        f"{effect} on {axis}"
-        for axis, result in results.items()
-        for effect in result.repeats
-        if result.departs(effect)
-    ]
-    return f"; the shape of {' and '.join(names)} is not the library's" if names else ""
 
 
 def name_causes(causes: Sequence[Cause]) -> str:

@@ -9,8 +9,6 @@ from hil_sim.settings import StageSettings
 from sim2real.attribution import (
     AxisResult,
     AxisSearch,
-    FreeFormTest,
-    FrictionOverPosition,
     find_causes,
     list_candidates,
     of_size,
@@ -32,6 +30,7 @@ from sim2real.findings import (
     GapReport,
     NextExperiment,
     SelectionStep,
+    Unlisted,
 )
 from sim2real.fitting import (
     BASE,
@@ -66,7 +65,6 @@ class Diagnosis:
             one entry per recording; empty where no cause was found.
         plant: axis -> figure of the plant -> value, for the twin: what the recordings do not know
             is as the machine file has it (`plant_figures`).
-        profiles: friction over position, where it was named as a cause.
         steps: axis -> the model of each of its steps in the report.
     """
 
@@ -75,7 +73,6 @@ class Diagnosis:
     searches: Mapping[str, AxisSearch]
     explained: tuple[Signals, ...] = ()
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    profiles: tuple[FrictionOverPosition, ...] = ()
     steps: Mapping[str, Sequence[AxisModel]] = field(default_factory=dict)
 
     def twin(self, settings: StageSettings) -> StageSettings:
@@ -95,10 +92,7 @@ def conclude(
     """
     considered, candidates, confusable = _gather(examined, results, held_out)
     causes = [cause for cause in considered if cause.probability > 0.5]
-    whole = all(
-        result.is_complete and not any(map(result.departs, result.repeats))
-        for result in results.values()
-    )
+    whole = all(result.is_complete for result in results.values())
     after = _as_named(examined, results, held_out, causes)
     whole = whole and after is held_out.after
     share, interval = share_closed(held_out.before, after.energies, held_out.samples)
@@ -110,6 +104,7 @@ def conclude(
         reason=give_reason(verdict, causes, results, share, examined, whole=whole),
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
+        unlisted=_unlisted(results),
         confusable=tuple(confusable),
         steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
@@ -141,6 +136,12 @@ def conclude(
     return replace(diagnosis, report=report)
 
 
+def _unlisted(results: Mapping[str, AxisResult]) -> tuple[Unlisted, ...]:
+    """Coordinates of all axes, most probable first."""
+    found = [each for result in results.values() for each in result.unlisted]
+    return tuple(sorted(found, key=lambda each: -each.probability))
+
+
 def _searches(results: Mapping[str, AxisResult]) -> dict[str, AxisSearch]:
     return {name: result for name, result in results.items() if isinstance(result, AxisSearch)}
 
@@ -152,11 +153,6 @@ def _with_twin(
     held_out: HeldOut,
 ) -> Diagnosis:
     """A diagnosis that names causes, with the figures of a twin and what shows its effects."""
-    profiles: list[FrictionOverPosition] = []
-    if examined.open_loop is None:
-        for name in results:
-            test = FreeFormTest(name, examined.measured, examined.settings)
-            profiles += test.profiles(diagnosis.models)
     settled = {
         name: settle_figures(result, examined.unknown.get(name, ()))
         for name, result in results.items()
@@ -169,7 +165,6 @@ def _with_twin(
         models=models,
         explained=held_out.explained,
         plant=moved_figures(examined.settings, models),
-        profiles=tuple(profiles),
         steps={
             name: tuple(step.model for step in result.free.steps)
             for name, result in results.items()
@@ -235,7 +230,7 @@ def _verdict(
         held_out: what models leave on held-out moves.
         causes: all, and those that are named.
         share: of the gap that these close.
-        whole: whether all axes are complete and no effect departs from its equation.
+        whole: whether all axes are complete.
     """
     considered, named = causes
     if named:

@@ -6,6 +6,7 @@ the recording. Where a model is incomplete, values that fit one-step innovations
 where to start each effect, and `search` selects up to six, judged on held-out moves.
 """
 
+from sim2real.free_loop.fit import derivatives as derivatives
 from sim2real.free_loop.fit import move_covariance as move_covariance
 from sim2real.free_loop.loop import FreeLoop as FreeLoop
 from sim2real.free_loop.search import FreeSearch as FreeSearch

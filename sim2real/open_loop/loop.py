@@ -99,6 +99,9 @@ class MotionLoop(FreeLoop):
         settings: of the machine file.
         tolerance: relative standard deviation of the base parameters.
         workers: threads that the models are shared among.
+
+    Attributes:
+        motions: of the recordings.
     """
 
     def __init__(
@@ -109,13 +112,13 @@ class MotionLoop(FreeLoop):
         tolerance: float,
         workers: Workers | None = None,
     ) -> None:
-        self._motions = tuple(motions)
+        self.motions = tuple(motions)
         measured = [_for_force_alone(compare_along(m, settings), name) for m in motions]
         super().__init__(name, measured, settings, tolerance, workers)
 
     def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
         """See `FreeLoop.respond`."""
-        motion = self._motions[number]
+        motion = self.motions[number]
         moved = motion.axes[self.name]
         force = force_variants(
             motion.period,
@@ -129,7 +132,7 @@ class MotionLoop(FreeLoop):
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """See `FreeLoop.respond_jointly`."""
-        motion = self._motions[number]
+        motion = self.motions[number]
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         _, force = _forces_along(motion, replace(self.settings, axes=axes))
         at = [a.name for a in axes].index(self.name)

@@ -80,28 +80,6 @@ FEWEST_SCALED = 3
 """The loop cannot tell the first effect from all of `SCALED` by one factor. It is tried in their
 place where this many of them were found. `--effects`."""
 
-# Whether an effect has another shape than the library's.
-
-ORDERS = ((2.0, 3.0), (0.5,))
-"""Orders of the harmonics tried beside a periodic effect; 0.5 is the fundamental, in case the wave
-that was found is its second harmonic."""
-IN_TUNE = 0.02
-"""Largest relative distance of a second wave's order from a whole number."""
-REPEATED = 0.5
-"""An effect departs from its equation if fitting it once more beside itself removes at least this
-share of what is left, both of the innovations' cost beyond noise and of the free-run gap; or if its
-kind in free form predicts this share of the force in motion: effects of other kinds reach 0.35
-(`python -m benchmarks.gap.free_forms`)."""
-COURSE = 15.0
-"""As `LEAST_GAIN`, for the repeat of a Coulomb level that changes with time. It is small because
-the filter follows the level and friction's wander hides it; where the effect has its equation's
-shape, a repeat that does not widen the gap saves up to 9."""
-AGAINST = 1.5
-"""Two effects are a single profile if without one of them the gap is this many times that of the
-machine file."""
-FAMILY = 0.55
-"""Share of an axis' gap that an effect of the right family closes at least, in another shape."""
-
 # What is named, and how sure it is.
 
 NEAR = 3.0
@@ -125,8 +103,8 @@ ALIKE = 0.05
 """Odds from which an effect could take another one's place."""
 CHOSEN = 0.53
 """Smallest probability of an effect of the chosen set, before anything limits it."""
-SURE, SURE_FAMILY = 0.99, 0.97
-"""Largest probability of a name, and of the family of an effect in another shape."""
+SURE, SURE_COORDINATE = 0.99, 0.97
+"""Largest probability of a name, and of a coordinate."""
 DOUBTED = 0.45
 """Largest probability of an effect whose size may be zero by its sigma, or whose values are not
 plausible at all."""

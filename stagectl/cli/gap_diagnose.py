@@ -190,7 +190,6 @@ def _write_page(
         machine,
         explained=found.explained or None,
         similarity=_similarity(found),
-        profiles=found.profiles,
         views=views,
     )
     write_atomically(path, page, "report")

@@ -36,6 +36,21 @@ def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-de
 
 
 @kernel()
+def _dense(arena, offset, half, scale, x):  # type: ignore[no-untyped-def]
+    """Value and slope at x, linear between nodes at ± (i / scale)^2; held at the ends."""
+    u = math.sqrt(abs(x)) * scale
+    if not u < half:
+        return arena[offset + (2 * half if x > 0.0 else 0)], 0.0
+    cell = int(u)
+    low = (cell / scale) ** 2
+    high = ((cell + 1) / scale) ** 2
+    side = 1 if x > 0.0 else -1
+    first = arena[offset + half + side * cell]
+    change = (arena[offset + half + side * (cell + 1)] - first) / (high - low)
+    return first + change * (abs(x) - low), change * side
+
+
+@kernel()
 def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def]
     """Value and rate at t [s] by linear interpolation; held at the ends."""
     u = t * inverse
@@ -192,9 +207,13 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
     force = motor_force
     response = 1.0
     s.rise = 0.0
-    if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0:
+    if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0 or p.motor_loss >= 0:
+        if p.motor_loss >= 0:
+            loss, slope = _dense(arena, p.motor_loss, p.velocity_nodes, p.motor_scale, force)
+            force -= loss
+            response -= slope
         force *= p.gain
-        response = p.gain
+        response *= p.gain
         if p.saturation > 0.0:
             bent = math.tanh(force / p.saturation)
             force = p.saturation * bent
@@ -227,18 +246,23 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
 
 @kernel()
 def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
-    """Force at velocity v [m/s], linear between nodes at ± (i / scale)^2 [N]."""
-    half = p.velocity_nodes
-    u = math.sqrt(abs(v)) * p.velocity_scale
-    if not u < half:
-        return arena[p.velocity_force + (2 * half if v > 0.0 else 0)]
-    cell = int(u)
-    low = (cell / p.velocity_scale) ** 2
-    high = ((cell + 1) / p.velocity_scale) ** 2
-    side = 1 if v > 0.0 else -1
-    first = arena[p.velocity_force + half + side * cell]
-    last = arena[p.velocity_force + half + side * (cell + 1)]
-    return first + (last - first) * (abs(v) - low) / (high - low)
+    """Force at velocity v [m/s] [N]."""
+    return _dense(arena, p.velocity_force, p.velocity_nodes, p.velocity_scale, v)[0]
+
+
+@kernel()
+def reported_force(p, arena, wanted):  # type: ignore[no-untyped-def]
+    """The force that is `wanted` [N] after the loss [N], found by bisection between the ends."""
+    high = (p.velocity_nodes / p.motor_scale) ** 2
+    low = -high
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        loss, _ = _dense(arena, p.motor_loss, p.velocity_nodes, p.motor_scale, middle)
+        if middle - loss < wanted:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
 
 
 @kernel()

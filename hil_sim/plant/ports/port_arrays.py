@@ -91,7 +91,7 @@ def _write_values(record: np.void, ports: EffectPorts, period: float, substeps: 
 
 
 def _write_tables(record: np.void, ports: EffectPorts, arena: Arena, sync_period: float) -> None:
-    """Write tables over position (padded at each end), velocity and time."""
+    """Write tables over position (padded at each end), velocity, motor force and time."""
     nodes = ports.positions
     record["table_low"] = nodes[0]
     record["table_inverse"] = (len(nodes) - 1) / (nodes[-1] - nodes[0])
@@ -102,6 +102,8 @@ def _write_tables(record: np.void, ports: EffectPorts, arena: Arena, sync_period
     record["velocity_scale"] = VELOCITY_NODES / math.sqrt(1.5 * ports.axis.velocity)
     record["velocity_nodes"] = VELOCITY_NODES
     record["velocity_force"] = arena.add(ports.velocity_force)
+    record["motor_scale"] = VELOCITY_NODES / math.sqrt(1.5 * ports.axis.control.peak_force)
+    record["motor_loss"] = arena.add(ports.motor_loss)
     record["time_inverse"] = 1.0 / sync_period
     for name in ("time_force", "time_coulomb"):
         table = getattr(ports, name)

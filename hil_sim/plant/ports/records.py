@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 TABLES = (
     "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
-    "time_force", "time_coulomb",
+    "motor_loss", "time_force", "time_coulomb",
 )  # fmt: skip
 LISTS = ("harmonics", "decays", "hysteresis", "hanging", "bases", "fields")
 """Each with a count, such as `harmonics_count`."""
@@ -36,6 +36,7 @@ PORT_FIELDS = [
     ("table_count", "i8"),
     ("velocity_scale", "f8"),
     ("velocity_nodes", "i8"),
+    ("motor_scale", "f8"),
     ("time_inverse", "f8"),
     ("time_count", "i8"),
     *((name, "i8") for name in (*TABLES, *LISTS)),

@@ -5,13 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from sim2real.findings import SHOWN_AS, Cause, FigureChange, GapFigures, GapReport
+from sim2real.findings import SHOWN_AS, Cause, FigureChange, GapFigures, GapReport, Unlisted
 from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
 from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
 from stagectl.report.outline import Fact, Outline, Section, Table
 
 _MOST_PLACES = 6
 _MOST_CANDIDATES = 12
+OVER_WORDS = {
+    "velocity": "over velocity",
+    "position": "over position",
+    "position_direction": "over position that changes sign with direction",
+    "reversal_path": "over the path since the last reversal",
+    "force": "over motor force",
+    "acceleration": "over acceleration",
+    "time": "over time",
+    "frequency": "of a dynamic system",
+    "other_axis": "over the motion of the other axis",
+}
 _VERDICTS = {
     "no_gap": Fact("No gap", "good"),
     "explained": Fact("Explained", "good"),
@@ -53,6 +64,14 @@ def diagnosis_outline(
                 most=_MOST_PLACES,
             ),
             "causes": Section("Causes", list(map(_cause, report.causes)), label="cause"),
+            "unlisted": Section(
+                "Forces that no effect of the library has",
+                list(map(_over_coordinate, report.unlisted)),
+                label="unlisted",
+                note="Over which coordinate of the motion the missing force is a curve, and how "
+                "much of the gap in force along the motion the curve closes on moves that took no "
+                "part in its fit.",
+            ),
             "steps": _steps(report),
             "empirical": _empirical(report),
             "figures": Section(
@@ -108,6 +127,10 @@ def headline(report: GapReport) -> str:
         "" if share is None
         else f", on the recordings of --check for {percent(max(share, 0.0))}"
     )  # fmt: skip
+    coordinate = ""
+    if report.unlisted:
+        first = report.unlisted[0]
+        coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} closes it"
     match report.verdict:
         case "no_gap":
             return "The machine file describes this stage down to the noise floor."
@@ -117,7 +140,7 @@ def headline(report: GapReport) -> str:
             size = size or "part of "
             return f"{named} {verb} for {size}the gap{checked}; the rest is unexplained."
         case "unexplained":
-            return "There is a gap, but no known effect explains it."
+            return f"There is a gap, but no known effect explains it{coordinate}."
         case _:
             return "These recordings cannot support a diagnosis."
 
@@ -213,6 +236,20 @@ def _cause(cause: Cause) -> Fact:
     text = f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}"
     text += f": {', '.join(figures)}" if figures else ""
     return Fact(text, details=details, share=cause.probability)
+
+
+def _over_coordinate(found: Unlisted) -> Fact:
+    """A coordinate that a force depends on, and those that could take its place."""
+    low, high = found.gap_closed_interval
+    text = (
+        f"{found.axis}: a force {OVER_WORDS[found.over]} that no effect of the library has; closes "
+        f"{percent(found.gap_closed)} ({100 * low:.0f} to {100 * high:.0f} %), "
+        f"p = {found.probability:.2f}"
+    )
+    if found.alike:
+        others = listed([OVER_WORDS[over] for over in found.alike])
+        text += f"; these moves cannot tell it from one {others}"
+    return Fact(text, share=found.probability)
 
 
 def _steps(report: GapReport) -> Section:

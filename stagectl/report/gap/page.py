@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from sim2real.attribution import FrictionOverPosition, Pairs
+from sim2real.attribution import Pairs
 from sim2real.diagnosis import Examination
 from sim2real.findings import GapReport
 from sim2real.gap import Signals
@@ -27,7 +27,6 @@ def render_gap_page(
     *,
     explained: Sequence[Signals] | None = None,
     similarity: Mapping[str, Pairs] | None = None,
-    profiles: Sequence[FrictionOverPosition] = (),
     views: Mapping[str, ResidualViews] | None = None,
 ) -> str:
     """The page's HTML.
@@ -38,7 +37,6 @@ def render_gap_page(
         machine: name of the machine.
         explained: signals of the model with the causes, one per recording; None without causes.
         similarity: axis -> similarity of pairs of effects.
-        profiles: friction over position, where it was found to be a cause.
         views: axis -> what the models leave over velocity, position, frequency, at reversals.
     """
     order = _largest_first(examined)
@@ -60,8 +58,7 @@ def render_gap_page(
             traces.residual_section(examined.measured, explained, axes[axis], signal, share, ratio)
             for share, axis, signal in order
         ],
-        profiles=[traces.friction_panel(profile, axes[profile.axis]) for profile in profiles],
-        profile_key=legend("measured", "after"),
+        curves=[traces.curve_panel(found, axes[found.axis]) for found in report.unlisted],
         moves=charts,
         views=draw_views(shown),
         move_key=legend("measured", *models),

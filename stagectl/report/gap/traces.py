@@ -15,9 +15,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
-from sim2real.attribution import FrictionOverPosition
 from sim2real.axis_units import unit_on
-from sim2real.findings import SHOWN_AS
+from sim2real.findings import OVER, SHOWN_AS, Unlisted
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_phases
 from stagectl.report.chart import Chart, Curve
@@ -131,15 +130,15 @@ def _panels(
     return panels
 
 
-def friction_panel(profile: FrictionOverPosition, axis: AxisSettings) -> Panel:
-    """Friction over position, measured in motion and by the effect found."""
-    places = 1e3 * profile.places
-    curves = [
-        Curve("measured", places, 100.0 * profile.heights),
-        Curve("after", places, 100.0 * profile.named),
-    ]
-    title = f"Axis {profile.axis}: surplus of the Coulomb force"
-    return Panel(title, Chart(curves, f"position [{unit_on(axis, 'mm')}]", "surplus [%]"))
+def curve_panel(found: Unlisted, axis: AxisSettings) -> Panel:
+    """A force over a coordinate, with one standard deviation on either side."""
+    at, force, sigma = (
+        np.array(part) for part in (found.curve.at, found.curve.force, found.curve.sigma)
+    )
+    curves = [Curve("measured", at, force, force - sigma, force + sigma)]
+    label = f"{found.over.replace('_', ' ')} [{unit_on(axis, OVER[found.over])}]"
+    title = f"Axis {found.axis}: force over {found.over.replace('_', ' ')}"
+    return Panel(title, Chart(curves, label, f"force [{unit_on(axis, 'N')}]"))
 
 
 def _by_phase(phase: F64, residuals: dict[str, F64], unit: str) -> Table:

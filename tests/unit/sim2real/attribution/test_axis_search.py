@@ -8,7 +8,6 @@ import pytest
 
 from hil_sim.effects.library import library
 from sim2real.attribution import AxisSearch
-from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import Term, fit
 from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
 
@@ -30,13 +29,6 @@ def drift(nominal: Nominal) -> AxisSearch:
         open_gap=50.0,
         closes=1.0,
     )
-
-
-def test_an_effect_in_another_shape_whose_set_was_not_kept(drift: AxisSearch) -> None:
-    repeat = Repeat(100.0, 0.0, 1.0, 3.0, 5.0, drift.best.model, course=True)
-    found = replace(drift, repeats={"thermal_drift": repeat})
-    assert repeat.departs
-    assert found.probability("thermal_drift") == (pytest.approx(0.97), [])
 
 
 def test_an_effect_on_the_level_that_is_out_of_the_question(drift: AxisSearch) -> None:

@@ -9,6 +9,9 @@ from sim2real.blind.draw import Drawn
 from sim2real.blind.outcome import ReportedCause
 
 
+OVER = {"quadratic_drag": "velocity", "cogging_harmonics": "position"}
+
+
 def outcome(kind: str, truth: str, reported: str, verdict: str, **more: object) -> Outcome:
     """Effects as "x cogging", reported as "x cogging 0.9", several parted by commas."""
     causes = []
@@ -19,7 +22,7 @@ def outcome(kind: str, truth: str, reported: str, verdict: str, **more: object) 
     for text in filter(None, truth.split(", ")):
         axis, name = text.split()
         kin = "" if kind == "outside" else name.removesuffix("_harmonics")
-        effects.append(Drawn(axis, name, {"force": 1.1}, 4.0, kin))
+        effects.append(Drawn(axis, name, {"force": 1.1}, 4.0, kin, OVER.get(name, "")))
     plain = Outcome(
         1, 0, False, kind, tuple(effects), verdict, tuple(causes), (), {}, 4.0, None, None, 10.0,
         9.0, "{}", "", "",

@@ -45,10 +45,12 @@ def test_one_effect_counts_where_axis_and_name_come_first() -> None:
 
 
 def test_none_outside_two_and_departing() -> None:
+    over_velocity = (("x", ("acceleration", "velocity")),)
     outcomes = [
         outcome("none", "", "", "no_gap"),
         outcome("none", "", "x cogging 0.6", "explained"),
         outcome("outside", "x quadratic_drag", "", "unexplained"),
+        outcome("outside", "x quadratic_drag", "", "unexplained", unlisted=over_velocity),
         outcome("outside", "x quadratic_drag", "x viscous_damping 0.9", "partly_explained"),
         outcome("outside", "x quadratic_drag", "x viscous_damping 0.9", "explained"),
         outcome("two", "x cogging, y dead_time", "y dead_time 0.9, x cogging 0.9", "explained"),
@@ -56,14 +58,20 @@ def test_none_outside_two_and_departing() -> None:
         outcome("two", "x cogging, y dead_time", "x cogging 0.9, x stribeck 0.8", "explained"),
         outcome("departing", "x cogging_harmonics", "x cogging 0.9", "partly_explained"),
         outcome("departing", "x cogging_harmonics", "x cogging 0.9", "explained"),
+        outcome(
+            "departing", "x cogging_harmonics", "", "unexplained", unlisted=(("x", ("position",)),)
+        ),
+        outcome("departing", "x cogging_harmonics", "x stribeck 0.9", "partly_explained"),
+        outcome("departing", "x cogging_harmonics", "", "unexplained", unlisted=over_velocity),
     ]
     counted = score_outcomes(outcomes)
     assert (counted.none.count, counted.alarms.count, counted.none.of) == (1, 1, 2)
-    assert (counted.outside.count, counted.outside.of) == (2, 3)
+    assert (counted.outside.count, counted.coordinate.count, counted.outside.of) == (2, 1, 4)
     assert (counted.two.count, counted.two_safe.count, counted.two.of) == (1, 2, 3)
-    assert (counted.family.count, counted.remainder.count, counted.family.of) == (2, 1, 2)
+    assert (counted.family.count, counted.remainder.count, counted.family.of) == (3, 2, 5)
     text = write_page(outcomes, {"version checked": "v"})
-    assert "| 1, 0 | x cogging_harmonics | explained | x cogging 0.90 |" in text
+    assert "| 1, 0 | x cogging_harmonics | partly_explained | x stribeck 0.90 |" in text
+    assert "| 1, 0 | x cogging_harmonics | unexplained | x over acceleration or velocity |" in text
 
 
 def test_without_the_true_effect_a_near_relative_must_be_hesitant() -> None:

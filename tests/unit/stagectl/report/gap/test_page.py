@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.attribution import FrictionOverPosition, signature_similarity
+from sim2real.attribution import signature_similarity
 from sim2real.diagnosis import examine
 from sim2real.diagnosis.examination import report_without_causes
 from sim2real.findings import (
@@ -17,10 +17,12 @@ from sim2real.findings import (
     ChannelFinding,
     Confusable,
     FigureChange,
+    ForceCurve,
     GapReport,
     NextExperiment,
     Parameter,
     SelectionStep,
+    Unlisted,
 )
 from sim2real.residuals import view_residuals
 from stagectl.config import load_machine, stage_settings
@@ -32,7 +34,7 @@ from tests.unit.stagectl.report.page import Page
 DATA = Path(__file__).parents[4] / "data"
 
 
-ONLY_WITH_CAUSES = ("Axis y: surplus of the Coulomb force", "Step by step", "Plant figures")
+ONLY_WITH_CAUSES = ("Step by step", "Plant figures")
 
 
 def shortened(recorded, samples):
@@ -95,18 +97,21 @@ def explained(examined):
 
 def test_the_page_is_complete_and_loads_nothing(examined, explained):
     model = [m.floor.nominal for m in examined.measured]
-    places = np.linspace(-0.05, 0.05, 20)
+    curve = ForceCurve((-0.1, 0.0, 0.1), (-1.0, 0.0, 1.0), (0.1, 0.0, 0.1))
+    unlisted = Unlisted("y", "velocity", ("acceleration",), 0.91, 0.97, (0.95, 0.98), curve)
+    explained = replace(explained, unlisted=(unlisted,))
     page = render_gap_page(
         explained, examined, "wafer <xy>", explained=model,
         similarity={"y": {("force_ripple", "cogging"): 0.8}},
-        profiles=[FrictionOverPosition("y", places, 2.0 * places, np.zeros(20))],
     )  # fmt: skip
     assert Page(page).stack == []
     assert "Force ripple on y accounts for 93 % of the gap." in page
     for text in (
         "Nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
         "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "± 0.0020",  # noqa: RUF001
-        "0.80", "71 %", "times count from the start of a.h5", *ONLY_WITH_CAUSES,
+        "0.80", "71 %", "y: a force over velocity that no effect of the library has; closes 97 %",
+        "from one over acceleration", "Axis y: force over velocity",
+        "times count from the start of a.h5", *ONLY_WITH_CAUSES,
     ):  # fmt: skip
         assert text in page
     order = ("accounts for", "Gap of wafer &lt;xy&gt; (rms)", "Where the gap is")

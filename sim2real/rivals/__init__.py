@@ -1,0 +1,10 @@
+"""Rivals of the library's effects: curves of any shape over one coordinate of the motion.
+
+`coordinates` makes what a curve is fitted with along a measured motion, `screen` fits curves and
+library models to it and predicts moves that took no part, and `decision` lets a library effect keep
+its name only where no curve over a coordinate predicts these moves better.
+"""
+
+from sim2real.rivals.decision import Rivals as Rivals
+from sim2real.rivals.decision import find_rivals as find_rivals
+from sim2real.rivals.screen import Screen as Screen

@@ -1,0 +1,251 @@
+"""Coordinates of the motion that a force may depend on, and the columns that fit a curve over each.
+
+A curve is linear between nodes. A force over position that changes sign with the direction is
+friction: like sliding friction it follows its level with the time constant Fc/C, so at speed it
+lags. A force over the path since the last reversal is a sum of stop operators (Prandtl), each of
+which is proportional to the path up to its width. What the library calls dynamics is a bank of
+oscillators driven by the acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from sim2real.open_loop import Motion
+from stagedata.compiled import kernel
+
+F64 = NDArray[np.float64]
+
+_PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
+"""Distances of nodes over position [m]: at first, and closer ones that are tried."""
+_MOST_PLACES = 800
+_SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
+"""Nodes over velocity, acceleration and force on each side of zero, in shares of the largest."""
+_PATHS = (2e-5, 1e-4, 4e-4, 1.5e-3, 5e-3, 1.5e-2, 5e-2)
+"""Widths of stop operators [m]."""
+_TIMES, _SPAN = 24, 0.25
+"""Most nodes over time, and their smallest distance [s]."""
+_FREQUENCIES, _DAMPING = (4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 45.0, 68.0, 100.0), 0.1
+"""Oscillators of the bank [Hz] and their damping ratio."""
+_SLIDING = 1e-4
+"""Velocity from which friction follows its level [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """What a force depends on.
+
+    Attributes:
+        over: as `unlisted` of a report calls it.
+        along: quantity of the motion that the nodes are of.
+        times: what the curve is multiplied by: "" for nothing, "friction" for the lagged sign of
+            the velocity, "force" for the motor force.
+        step: between nodes over position [m].
+    """
+
+    over: str
+    along: str
+    times: str = ""
+    step: float = _PLACES
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether neighbouring heights belong together; else each column stands for itself."""
+        return self.along not in ("path", "oscillators", "other_motion")
+
+
+COORDINATES = (
+    Coordinate("velocity", "velocity"),
+    Coordinate("position", "position"),
+    Coordinate("position_direction", "position", "friction"),
+    Coordinate("position", "position", "force"),
+    Coordinate("reversal_path", "path"),
+    Coordinate("force", "force"),
+    Coordinate("acceleration", "acceleration"),
+    Coordinate("time", "time"),
+    Coordinate("time", "time", "friction"),
+    Coordinate("other_axis", "other_position"),
+    Coordinate("other_axis", "other_position", "friction"),
+    Coordinate("other_axis", "other_motion"),
+    Coordinate("frequency", "oscillators"),
+)
+NARROW = tuple(
+    Coordinate(over, "position", times, step)
+    for over, times in (("position", ""), ("position_direction", "friction"))
+    for step in _NARROW
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What one axis does in one recording of P samples.
+
+    Attributes:
+        quantities: by name, float64[P]: position [m], velocity, acceleration, force [N], time [s].
+        other: velocity and acceleration of the other axis, float64[P, 2]; None where there is none.
+        relaxed: share of the friction's level that is kept from one sample to the next.
+        period: of the samples [s].
+    """
+
+    quantities: dict[str, F64]
+    other: F64 | None
+    relaxed: float
+    period: float
+
+
+def courses(name: str, motions: Sequence[Motion], relaxation_rate: float) -> list[Course]:
+    """The courses of an axis in all recordings.
+
+    Args:
+        name: of the axis.
+        motions: of the recordings.
+        relaxation_rate: C/Fc of its friction [1/s].
+    """
+    found = []
+    for motion in motions:
+        own = motion.axes[name]
+        others = [axis for other, axis in motion.axes.items() if other != name]
+        quantities: dict[str, F64] = {
+            "position": own.position,
+            "velocity": own.velocity,
+            "acceleration": own.acceleration,
+            "force": own.logged,
+            "time": motion.start + motion.period * np.arange(float(len(own.position))),
+        }
+        other = None
+        if len(others) == 1:
+            other = np.column_stack((others[0].velocity, others[0].acceleration))
+            quantities["other_position"] = others[0].position
+        kept = math.exp(-relaxation_rate * motion.period)
+        found.append(Course(quantities, other, kept, motion.period))
+    return found
+
+
+def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
+    """Nodes of a curve, float64[n]; None where the recordings do not cover the coordinate."""
+    if coordinate.along == "path":
+        return np.array(_PATHS)
+    if coordinate.along == "oscillators":
+        top = 0.2 / found[0].period
+        return np.array([f for f in _FREQUENCIES if f < top])
+    if coordinate.along == "other_motion":
+        return None if found[0].other is None else np.arange(2.0)
+    if coordinate.along not in found[0].quantities:
+        return None
+    values = [course.quantities[coordinate.along] for course in found]
+    low, high = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+    if not high > low:
+        return None
+    if coordinate.along == "time":
+        return np.linspace(low, high, max(3, min(_TIMES, round((high - low) / _SPAN))))
+    if coordinate.along in ("position", "other_position"):
+        count = round((high - low) / coordinate.step) + 1
+        return np.linspace(low, high, min(max(4, count), _MOST_PLACES))
+    side = np.array(_SPEEDS)
+    return np.concatenate((min(low, 0.0) * side[::-1], [0.0], max(high, 0.0) * side))
+
+
+def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
+    """The force of a curve of unit height at each node, not low-passed, float64[P, n]."""
+    if coordinate.along == "path":
+        return stop_operators(course.quantities["position"], at)
+    if coordinate.along == "oscillators":
+        return _oscillations(course.quantities["acceleration"], at, course.period)
+    if coordinate.along == "other_motion" and course.other is not None:
+        return course.other
+    over = _hats(course.quantities[coordinate.along], at)
+    if coordinate.along in ("velocity", "force", "acceleration"):
+        over = np.delete(over, len(at) // 2, axis=1)  # 0 at 0: that is a constant force
+    if coordinate.times == "friction":
+        velocity = course.quantities["velocity"]
+        over = np.sign(velocity)[:, None] * _lagged(over, velocity, course.relaxed)
+    elif coordinate.times == "force":
+        over = over * course.quantities["force"][:, None]
+    return over
+
+
+def as_curve(
+    coordinate: Coordinate, at: F64, heights: F64, sigma: F64
+) -> tuple[Coordinate, F64, F64, F64]:
+    """Coordinate, nodes, force there and its sigma, of what the columns were fitted with.
+
+    Args:
+        coordinate: of the columns.
+        at: as `nodes`.
+        heights: of the columns, float64[n] [N].
+        sigma: of the heights, float64[n] [N].
+    """
+    if coordinate.along == "path":  # the force along the path after a reversal
+        path = np.append(0.0, 2.0 * at)
+        share = np.clip(path[:, None] / at - 1.0, -1.0, 1.0)
+        return coordinate, path, share @ heights, np.sqrt(share**2 @ sigma**2)
+    if coordinate.along == "oscillators":  # deflection and rate together
+        both = heights.reshape(-1, 2), sigma.reshape(-1, 2)
+        return coordinate, at, *(np.hypot(*part.T) for part in both)
+    if len(heights) < len(at):
+        middle = len(at) // 2
+        heights, sigma = np.insert(heights, middle, 0.0), np.insert(sigma, middle, 0.0)
+    return coordinate, at, heights, sigma
+
+
+def _hats(values: F64, at: F64) -> F64:
+    """Hat functions of increasing nodes, 1 beyond the ends, float64[P, n]."""
+    cell = np.clip(np.searchsorted(at, values) - 1, 0, len(at) - 2)
+    share = np.clip((values - at[cell]) / (at[cell + 1] - at[cell]), 0.0, 1.0)
+    hats = np.zeros((len(values), len(at)))
+    rows = np.arange(len(values))
+    hats[rows, cell] = 1.0 - share
+    hats[rows, cell + 1] = share
+    return hats
+
+
+def _lagged(hats: F64, velocity: F64, kept: float) -> F64:
+    """Hat functions delayed as sliding friction follows its level; not delayed at rest."""
+    sliding = np.abs(velocity) > _SLIDING
+    if sliding.any():
+        moved = hats[sliding]
+        hats[sliding] = lfilter([1.0 - kept], [1.0, -kept], moved, axis=0, zi=kept * moved[:1])[0]
+    return hats
+
+
+def stop_operators(position: F64, widths: F64) -> F64:
+    """Stop operators (Prandtl): the travel over the width, held at -1 and 1 until it reverses.
+
+    Args:
+        position: float64[T] [m].
+        widths: travel from the middle until they slide, float64[K] [m].
+
+    Returns:
+        float64[T, K], -1..1; 0 at first.
+    """
+    return np.asarray(_run_stop_operators(np.ascontiguousarray(position), widths))
+
+
+@kernel(error_model="python")
+def _run_stop_operators(position: F64, widths: F64) -> F64:
+    """Stop operators float64[T, K] of positions float64[T] [m] and widths float64[K] [m]."""
+    out = np.zeros((len(position), len(widths)))
+    for t in range(1, len(position)):
+        moved = position[t] - position[t - 1]
+        for k in range(len(widths)):
+            out[t, k] = min(max(out[t - 1, k] + moved / widths[k], -1.0), 1.0)
+    return out
+
+
+def _oscillations(acceleration: F64, frequencies: F64, period: float) -> F64:
+    """Deflection and rate of oscillators driven by an acceleration, float64[P, 2 n]."""
+    out = []
+    for frequency in frequencies:
+        angle = 2.0 * math.pi * frequency * period
+        radius = math.exp(-_DAMPING * angle)
+        poles = [1.0, -2.0 * radius * math.cos(angle), radius**2]
+        for zeros in ([1.0], [1.0, -1.0]):
+            driven = lfilter(zeros, poles, acceleration)
+            out.append(driven / max(float(np.std(driven)), 1e-12))
+    return np.column_stack(out)

@@ -1,0 +1,125 @@
+"""Whether library effects keep their names, or a coordinate is the answer.
+
+Effects keep their names where no curve over one coordinate predicts other moves better: where their
+prediction is within one standard error over blocks of moves of the best curve's, or loses less than
+a fiftieth of the gap. Several effects together have more figures than a curve: they have to predict
+clearly better than it, or leave nothing but noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim2real.findings import ForceCurve, Unlisted
+from sim2real.fitting import AxisModel
+from sim2real.held_out import share_closed
+from sim2real.rivals.coordinates import COORDINATES, NARROW
+from sim2real.rivals.screen import Curve, Prediction, Screen
+from sim2real.scoring.constants import SURE_COORDINATE
+
+F64 = NDArray[np.float64]
+
+_LITTLE, _MUCH = 0.02, 0.2
+"""Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
+which is large where few moves show the force."""
+_MOST = 0.5
+"""Share of the gap that a curve has to close on other moves."""
+_MOVES = 2
+"""Moves of a block: there and back."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rivals:
+    """The curves of an axis, best first.
+
+    Attributes:
+        screen: that fitted them.
+        curves: the best one over each coordinate.
+    """
+
+    screen: Screen
+    curves: Sequence[Curve]
+
+    @property
+    def best(self) -> Curve | None:
+        """The curve that predicts other moves best, where it closes most of the gap."""
+        closing = [c for c in self.curves if self.screen.closed(c.prediction) >= _MOST]
+        return closing[0] if closing else None
+
+    def leave_names(self, models: Sequence[AxisModel], *, complete: bool = False) -> bool:
+        """Whether one of these library models keeps its names.
+
+        Args:
+            models: that could explain the axis.
+            complete: whether they leave nothing but noise in the closed loop.
+        """
+        best = self.best
+        if best is None:
+            return True
+        for model in models:
+            prediction = self.screen.model(model) if model.terms else None
+            if prediction is None:
+                continue
+            excess, error = _compare(prediction, best.prediction)
+            if excess <= self._margin(error) and (
+                complete or len(model.terms) == 1 or excess < -error
+            ):
+                return True
+        return False
+
+    def unlisted(self, axis: str) -> tuple[Unlisted, ...]:
+        """The coordinate that the force depends on, and those that could take its place."""
+        best = self.best
+        if best is None:
+            return ()
+        odds, alike = [], []
+        for curve in self.curves:
+            excess, error = _compare(curve.prediction, best.prediction)
+            odds.append(math.exp(-0.5 * (excess / max(self._margin(error), 1e-9)) ** 2))
+            if curve is not best and excess <= self._margin(error):
+                alike.append(curve.coordinate.over)
+        samples = np.bincount(self.screen.blocks, minlength=len(best.prediction.energies))
+        opened, left = (
+            energies[:, None] / 2.0
+            for energies in (self.screen.open.energies, best.prediction.energies)
+        )
+        moved = samples > 0
+        share, interval = share_closed(
+            opened[moved], left[moved], samples[moved, None].astype(np.float64)
+        )
+        if share is None or interval is None or interval[0] <= 0.0:
+            return ()
+        probability = min(SURE_COORDINATE, max(share, 0.0)) / sum(odds)
+        force = ForceCurve(*(tuple(part.tolist()) for part in (best.at, best.force, best.sigma)))
+        over = best.coordinate.over
+        return (Unlisted(axis, over, tuple(alike), probability, share, interval, force),)
+
+    def _margin(self, error: float) -> float:
+        """Energy by which a prediction may be worse and count as alike; error: its standard one."""
+        gap = max(self.screen.open.energy - self.screen.floor, 0.0)
+        return min(max(error, _LITTLE * gap), _MUCH * gap)
+
+
+def find_rivals(screen: Screen) -> Rivals:
+    """Fit curves over all coordinates; closer nodes over position where it is among the best."""
+    curves = [c for c in map(screen.curve, COORDINATES) if c is not None]
+    best = min(curves, key=lambda c: c.prediction.energy)
+    if best.coordinate.over.startswith("position") or screen.closed(best.prediction) < _MOST:
+        curves += [c for c in map(screen.curve, NARROW) if c is not None]
+    ranked: dict[str, Curve] = {}
+    for curve in sorted(curves, key=lambda c: c.prediction.energy):
+        ranked.setdefault(curve.coordinate.over, curve)
+    return Rivals(screen, tuple(ranked.values()))
+
+
+def _compare(one: Prediction, other: Prediction) -> tuple[float, float]:
+    """By how much the first leaves more energy, and the standard error of that over blocks."""
+    change = one.energies - other.energies
+    blocks = np.add.reduceat(change, np.arange(0, len(change), _MOVES))
+    error = float(np.std(blocks, ddof=1)) * math.sqrt(len(blocks)) if len(blocks) > 1 else math.inf
+    return float(change.sum()), error

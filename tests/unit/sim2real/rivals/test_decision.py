@@ -1,0 +1,107 @@
+"""Which coordinate a force depends on, and when library effects keep their names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil_sim.effects import Parameter
+from hil_sim.effects.library import library
+from hil_sim.plant import simulate
+from sim2real.blind.unlisted_effects import unlisted
+from sim2real.fitting import Term
+from sim2real.gap import prepare_replay
+from sim2real.open_loop import MotionLoop, measure_motion
+from sim2real.rivals import Screen, find_rivals
+from tests.unit.sim2real.conftest import TOLERANCE
+
+SIZE = Parameter("size", "", "", (0.0, 1.0), neutral=0.0)
+
+
+@unlisted(SIZE)
+def drag(ports, p):
+    ports.add_velocity_force(p["size"] * ports.velocities * np.abs(ports.velocities))
+
+
+@unlisted(SIZE)
+def dead_band(ports, p):
+    ports.lose_motor_force(np.clip(ports.motor_forces, -p["size"], p["size"]))
+
+
+@unlisted(SIZE)
+def magnet(ports, p):
+    for length in (5e-4, 2e-3, 8e-3):
+        ports.add_hysteresis(p["size"] / 3.0, p["size"] / 3.0 / length)
+
+
+@unlisted(SIZE)
+def splinter(ports, p):
+    away = (ports.positions + 0.01) / 6e-4
+    ports.add_position_force(p["size"] * np.exp(-0.5 * away**2))
+
+
+@unlisted(SIZE)
+def dirt(ports, p):
+    away = (ports.positions + 0.01) / 6e-4
+    ports.scale_position_coulomb(1.0 + p["size"] * np.exp(-0.5 * away**2))
+
+
+@pytest.fixture(scope="module")
+def screen_of(nominal):
+    """Curves of axis x of the stage with an effect; None for none."""
+    recording, settings = nominal
+
+    def screen(effect=None, **values):
+        replay = prepare_replay(recording, settings)
+        axes = tuple(
+            replace(axis, effects=(effect.at(**values),)) if effect and axis.name == "x" else axis
+            for axis in settings.axes
+        )
+        run = simulate(replace(settings, axes=axes), replay.demand, replay.offset, seed=3)
+        signals = {
+            name: replace(of, position_actual=run.position[:, a], force_actual=run.force[:, a])
+            for a, (name, of) in enumerate(recording.axes.items())
+        }
+        motion = measure_motion(replace(recording, axes=signals), settings)
+        return Screen(MotionLoop("x", [motion], settings, TOLERANCE["x"]))
+
+    return screen
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "over"),
+    [
+        (drag, 60.0, "velocity"),
+        (dead_band, 1.2, "force"),
+        (magnet, 1.2, "reversal_path"),
+        (splinter, 3.0, "position"),
+        (dirt, 0.8, "position_direction"),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, over):
+    screen = screen_of(effect, size=size)
+    rivals = find_rivals(screen)
+    (found,) = rivals.unlisted("x")
+    assert (found.axis, found.over, found.alike) == ("x", over, ())
+    assert found.gap_closed > 0.85
+    assert found.probability > 0.5
+    assert not rivals.leave_names([screen.start.added(Term(library()["force_offset"], (0.5,)))])
+    at, force = np.array(found.curve.at), np.array(found.curve.force)
+    if effect in (splinter, dirt):
+        assert abs(at[np.argmax(np.abs(force))] + 0.01) < 3e-4
+    if effect is drag:
+        fast = np.abs(at) > 0.3 * at.max()
+        np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
+
+
+def test_a_library_effect_keeps_its_name(screen_of):
+    effect, values = library()["viscous_damping"], (1.8,)
+    screen = screen_of(effect, ratio=1.8)
+    rivals = find_rivals(screen)
+    assert rivals.curves[0].coordinate.over == "velocity"
+    assert rivals.leave_names([screen.start.added(Term(effect, values))])
+
+
+def test_without_a_gap_there_is_no_coordinate(screen_of):
+    assert find_rivals(screen_of()).unlisted("x") == ()
