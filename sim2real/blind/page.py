@@ -66,13 +66,14 @@ _ROWS: tuple[tuple[str, str, float | None], ...] = (
     ("one effect: right, and nothing else named", "one_only", None),
     ("no effect: `no_gap`", "none", 0.98),
     ("no effect: something named", "alarms", None),
-    ("outside the library: safe answer", "outside", 0.90),
+    ("outside the library: no wrong name", "outside", 0.95),
+    ("outside the library: right coordinate first or alike", "coordinate", 0.80),
     ("two effects: both named", "two", 0.90),
     ("two effects: at least one right and none wrong", "two_safe", 0.96),
     ("three to six effects on one axis: all named", "several", 0.80),
     ("three to six effects on one axis: none wrong", "several_safe", 0.95),
-    ("another shape: family named", "family", None),
-    ("another shape: family named, remainder admitted", "remainder", 0.85),
+    ("another shape: family named or coordinate given", "family", 0.95),
+    ("another shape: the same, remainder admitted", "remainder", None),
     ("true effects left out of the library: safe or honest relative", "left_out", None),
     ("true parameters within 3 sigma", "parameters", 0.97),
     ("gap closed as promised, within 0.08, on the second run", "promise", 0.90),
@@ -177,6 +178,7 @@ def describe_truth(outcome: Outcome) -> str:
 
 
 def describe_reported(outcome: Outcome) -> str:
-    """The reported causes, in a few words."""
+    """The reported causes and coordinates, in a few words."""
+    over = [f"{axis} over {' or '.join(names)}" for axis, names in outcome.unlisted]
     named = ", ".join(f"{t.axis} {t.effect} {t.probability:.2f}" for t in outcome.reported)
-    return named or "nothing"
+    return ", ".join([*([named] if named else []), *over]) or "nothing"
