@@ -8,7 +8,7 @@ probabilities and for the list of effects that these recordings cannot tell apar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 
@@ -62,6 +62,7 @@ def search_effects(
     library: Mapping[str, Effect],
     loop: LoopGap,
     progress: Callable[[float], object] = lambda _: None,
+    is_hopeless: Callable[[Sequence[AxisModel]], bool] = lambda _: False,
 ) -> AxisSearch:
     """Find the effects of an axis.
 
@@ -73,13 +74,14 @@ def search_effects(
         library: effects to consider.
         loop: closed-loop gap of the axis under a model.
         progress: called with the share done.
+        is_hopeless: whether none of these models, of two effects or more, is on the right way.
     """
     columns = problem.base_columns(problem.start, problem.residual(problem.start))
     plain = fit(problem, problem.start, 2, columns, thorough=False)
     plain = fit(problem, plain.model, 3, thorough=False)
     open_gap = loop(problem.start)
     ranking = Ranking(problem, loop)
-    selection = _Selection(problem, library, ranking, progress)
+    selection = _Selection(problem, library, ranking, progress, is_hopeless)
     last, steps = ranking.enter(plain), dict[str, _Step]()
     # What does not show in the closed loop is no gap, whatever the innovations say.
     for _ in range(PASSES if open_gap > OPEN * FLOOR_LEVEL else 0):
@@ -145,6 +147,7 @@ class _Selection:
         library: effects to consider.
         ranking: of all that is fitted.
         progress: called with the share done.
+        is_hopeless: as of `search_effects`.
 
     Attributes:
         scanned: effect -> its best candidate in the first scan.
@@ -156,7 +159,9 @@ class _Selection:
         library: Mapping[str, Effect],
         ranking: Ranking,
         progress: Callable[[float], object],
+        is_hopeless: Callable[[Sequence[AxisModel]], bool],
     ) -> None:
+        self._is_hopeless = is_hopeless
         self._problem = problem
         self._library = library
         self._ranking = ranking
@@ -196,6 +201,8 @@ class _Selection:
             self._progress((depth + 1) / MOST_EFFECTS)
             problem.rescale(best.fitted.residual)
             if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
+                break
+            if depth and self._is_hopeless([a.model for a in ranking.ranked()[:FITTED]]):
                 break
         last = ranking.best(last.model.names())
         problem.rescale(last.fitted.residual)

@@ -11,7 +11,7 @@ judged by what users see, the free-run gap, on moves that took no part in fittin
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -32,7 +32,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage, imp
 from sim2real.free_loop import FreeLoop, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Screen, find_rivals
+from sim2real.rivals import Rivals, Screen, find_rivals
 from sim2real.scoring.constants import ENOUGH, FITTED
 from sim2real.tracking import Tracker
 
@@ -114,6 +114,7 @@ class _StageSearch:
         self.names = [axis.name for axis in self._settings.axes]
         self.searches: dict[str, AxisSearch] = {}
         self._done = dict.fromkeys(self.names, 0.0)
+        self._curves: dict[str, Rivals] = {}
         self._motions = [measure_motion(m.replay.recording, self._settings) for m in self._measured]
 
     def take(self, searches: Iterable[AxisSearch]) -> None:
@@ -124,7 +125,7 @@ class _StageSearch:
         """Search one axis for effects."""
         problem = AxisProblem(
             [Tracker(m.replay, self._settings, name) for m in self._measured],
-            max(self._tolerance.get(name, 0.0), _LEAST_TOLERANCE),
+            self._tolerance_of(name),
             self._workers,
         )
 
@@ -133,7 +134,13 @@ class _StageSearch:
             done = round(100 * sum(self._done.values()))
             self._progress("effects", done, 100 * len(self.names))
 
-        return search_effects(problem, self._library, partial(self._loop_gap, name), advance)
+        return search_effects(
+            problem,
+            self._library,
+            partial(self._loop_gap, name),
+            advance,
+            partial(self._is_curve, name),
+        )
 
     def _loop_gap(self, name: str, model: AxisModel) -> float:
         """Squared closed-loop gap over floor of an axis under a model; the others are nominal."""
@@ -149,20 +156,37 @@ class _StageSearch:
         search = self.searches[name]
         if search.is_complete and not self._is_strange(search):
             return search
-        tolerance = float(search.problem.spread[0])
-        rivals = find_rivals(Screen(MotionLoop(name, self._motions, self._settings, tolerance)))
-        unlisted = rivals.unlisted(name)
         first = [alternative.model for alternative in search.alternatives]
-        clear = unlisted and unlisted[0].gap_closed > ENOUGH
-        if clear and not rivals.leave_names([search.best.model, *first[:FITTED]]):
-            return search.without_names(unlisted)
+        if self._is_curve(name, [search.best.model, *first[:FITTED]]):
+            return search.without_names(self._rivals(name).unlisted(name))
         if search.is_complete:
             return search
+        tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
+        rivals = self._rivals(name)
         if rivals.leave_names([found.best.model]):
             return found
-        return found.without_names(unlisted)
+        return found.without_names(rivals.unlisted(name))
+
+    def _is_curve(self, name: str, models: Sequence[AxisModel]) -> bool:
+        """Whether a curve explains nearly all of an axis, and better than these models."""
+        rivals = self._rivals(name)
+        unlisted = rivals.unlisted(name)
+        clear = bool(unlisted) and unlisted[0].gap_closed > ENOUGH
+        return clear and not rivals.leave_names(models)
+
+    def _rivals(self, name: str) -> Rivals:
+        """The curves of an axis, fitted when they are asked for first."""
+        if name not in self._curves:
+            tolerance = self._tolerance_of(name)
+            loop = MotionLoop(name, self._motions, self._settings, tolerance, self._workers)
+            self._curves[name] = find_rivals(Screen(loop))
+        return self._curves[name]
+
+    def _tolerance_of(self, name: str) -> float:
+        """Relative standard deviation of an axis' plant figures."""
+        return max(self._tolerance.get(name, 0.0), _LEAST_TOLERANCE)
 
     def _is_strange(self, search: AxisSearch) -> bool:
         """Whether several effects explain an axis, one of them with values beyond usual ones."""
