@@ -19,6 +19,7 @@ class CoulombLevel(Effect):
         "lubrication, wipers and preload."
     )
     compensation = STARTED_WITH
+    any_size = True
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""

@@ -63,6 +63,8 @@ class Effect(ABC):
         compensation: what a host that knows the effect does about it.
         searched: a diagnosis searches for it. False if an ordinary recording cannot show it: the
             parameter is a seed, the place is off the path.
+        any_size: it only changes a figure that every machine has, or pulls one way: no size of it
+            is implausible.
         transmission: it comes with a screw, belt, rack or gear between motor and carriage: searched
             for where the other effects leave an axis unexplained.
     """
@@ -75,6 +77,7 @@ class Effect(ABC):
     remedy: ClassVar[str]
     compensation: ClassVar[Compensation] = Compensation("its package does not say how")
     searched: ClassVar[bool] = True
+    any_size: ClassVar[bool] = False
     transmission: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:

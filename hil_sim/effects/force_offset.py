@@ -16,6 +16,7 @@ class ForceOffset(Effect):
     enters = "A constant disturbance force."
     remedy = "Level the machine, route cables and hoses without pull, or feed the force forward."
     compensation = Compensation("fed forward, and kept apart from friction at rest", HOST)
+    any_size = True
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""

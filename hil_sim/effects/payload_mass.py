@@ -20,6 +20,7 @@ class PayloadMass(Effect):
         "machine file; the feedforward uses it."
     )
     compensation = Compensation("in the mass of the feedforward", HOST)
+    any_size = True
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""

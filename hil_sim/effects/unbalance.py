@@ -25,6 +25,7 @@ class Unbalance(Effect):
     enters = "A disturbance torque over the angle of a rotary axis."
     remedy = "Balance the load, or feed the torque of its weight forward over the angle."
     compensation = FED_FORWARD
+    any_size = True
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""

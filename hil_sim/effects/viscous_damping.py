@@ -19,6 +19,7 @@ class ViscousDamping(Effect):
         "axis up before production."
     )
     compensation = STARTED_WITH
+    any_size = True
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""

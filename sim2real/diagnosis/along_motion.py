@@ -18,7 +18,7 @@ from hil_sim.effects import Effect
 from sim2real.attribution import AxisResult
 from sim2real.axis_units import unit_on
 from sim2real.diagnosis.examination import Examination, Progress
-from sim2real.findings import Cause, EmpiricalForce, FittedFigure
+from sim2real.findings import Cause, EmpiricalForce, FittedFigure, Unlisted
 from sim2real.fitting import (
     BASE,
     AxisModel,
@@ -94,7 +94,11 @@ def search_along_motion(
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
     best = search.best
     covariance = move_covariance(loop, best)
-    without_names = not search.names_causes() and search.open_gap > OPEN * FLOOR_LEVEL
+    unlisted: tuple[Unlisted, ...] = ()
+    if search.open_gap > OPEN * FLOOR_LEVEL:
+        rivals = find_rivals(Screen(loop))
+        if not (search.names_causes() and rivals.leave_names([best.model])):
+            unlisted = rivals.unlisted(loop.name)
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
@@ -102,7 +106,7 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
         open_gap=search.open_gap,
         is_complete=search.is_near_floor(),
         free=search,
-        unlisted=find_rivals(Screen(loop)).unlisted(loop.name) if without_names else (),
+        unlisted=unlisted,
     )
 
 

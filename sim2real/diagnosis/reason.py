@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,7 +12,6 @@ from sim2real.findings import EXPLAINED, INSUFFICIENT, NO_GAP, SHOWN_AS, Cause
 from sim2real.fitting import implausibility
 from sim2real.free_loop import FreeSearch
 from sim2real.gap import combined_floors
-from sim2real.held_out import FLOOR_LEVEL
 from sim2real.open_loop import FIGURES
 from sim2real.scoring.constants import CLOSED, STRANGE
 
@@ -64,6 +62,14 @@ def give_reason(
         closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
         rest = "" if whole else "; the residual still has structure"
         return f"{mode}{gap}; {name_causes(causes)}{closed}{rest}"
+    curves = [each for result in results.values() for each in result.unlisted]
+    if curves:
+        best = max(curves, key=lambda each: each.probability)
+        return (
+            f"{mode}{gap}; on {best.axis} no effect of the library explains it as well as a force "
+            f"over {best.over.replace('_', ' ')}, which closes {100 * best.gap_closed:.0f} % of "
+            f"the gap in force on held-out moves"
+        )
     if examined.open_loop is None:
         far_off = describe_far_off(examined)
         return f"{gap}, and no effect of the library explains it" + (far_off and f"; {far_off}")
@@ -85,12 +91,9 @@ def _why_not(search: FreeSearch) -> str:
         for term in search.best.model.terms
         if implausibility(term, search.loop.axis) > STRANGE
     ]
-    if search.closed < CLOSED:
+    if search.closed < CLOSED or not strange:
         return "too little to be its cause"
-    if strange:
-        return f"but no real machine shows values like those of {' and '.join(strange)}"
-    floors = math.sqrt(search.loop.gap(search.best.residual) / FLOOR_LEVEL)
-    return f"but {floors:.3g} times the floor is left: what acts may be in no list"
+    return f"but no real machine shows values like those of {' and '.join(strange)}"
 
 
 def name_causes(causes: Sequence[Cause]) -> str:

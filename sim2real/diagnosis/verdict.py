@@ -181,7 +181,7 @@ def _gather(
     causes, candidates, confusable = [], [], []
     for result in results.values():
         causes_here: list[Cause] = []
-        if result.free is None or result.free.names_causes():
+        if not result.unlisted and (result.free is None or result.free.names_causes()):
             causes_here, alike = find_causes(
                 result, held_out, along_motion=examined.open_loop is not None
             )

@@ -17,9 +17,11 @@ def implausibility(term: Term, axis: AxisSettings) -> float:
     """How far an effect's sizes and shapes lie beyond their plausible ranges, in tenths of these.
 
     A size may lie anywhere between its range and its neutral value. Each parameter counts
-    `_MOST_TENTHS` at most.
+    `_MOST_TENTHS` at most. Where any size is plausible (`Effect.any_size`) it is 0.
     """
     total = 0.0
+    if term.effect.any_size:
+        return total
     for parameter, value, near in zip(
         term.effect.parameters, term.values, clip_to_plausible(term, axis).values, strict=True
     ):
@@ -36,7 +38,9 @@ def implausibility(term: Term, axis: AxisSettings) -> float:
 
 
 def clip_to_plausible(term: Term, axis: AxisSettings) -> Term:
-    """The effect with sizes and shapes clipped to their plausible ranges."""
+    """The effect with sizes and shapes clipped to their plausible ranges, where it has any."""
+    if term.effect.any_size:
+        return term
     turned = any(p.role == "phase" for p in term.effect.parameters)
     values = []
     for parameter, value in zip(term.effect.parameters, term.values, strict=True):

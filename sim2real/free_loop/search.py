@@ -25,13 +25,11 @@ from sim2real.held_out import FLOOR_LEVEL, FOLDS
 from sim2real.scoring import effects_penalty, weigh_effect
 from sim2real.scoring.constants import (
     CHANCE,
-    CLEAR,
     CLOSED,
     FITTED,
     FLIPS,
     HOPELESS,
     LONG,
-    MISFIT,
     MOST_EFFECTS,
     NEAR,
     PATIENCE,
@@ -94,15 +92,11 @@ class FreeSearch:
     def names_causes(self) -> bool:
         """Whether the effects found may be given as causes.
 
-        They close most of the gap, leave a few times the floor or next to nothing of the gap, and
-        their values are plausible.
+        They close most of the gap, and their values are plausible.
         """
-        left = self.loop.gap(self.best.residual)
         terms = self.best.model.terms
-        return (
-            self.closed >= CLOSED
-            and (left <= MISFIT * FLOOR_LEVEL or self.closed >= CLEAR)
-            and all(implausibility(term, self.loop.axis) <= STRANGE for term in terms)
+        return self.closed >= CLOSED and all(
+            implausibility(term, self.loop.axis) <= STRANGE for term in terms
         )
 
     def is_near_floor(self) -> bool:
@@ -162,8 +156,7 @@ def search_free(
         added = [name for name in names if name not in before] or [names[-1]]
         search.steps.append(_step(loop, opened, current.model, added, (held, remaining)))
         search.best, search.folds, held = current, folds, remaining
-        hopeless = HOPELESS * MISFIT * FLOOR_LEVEL
-        if len(names) > 3 and loop.gap(current.residual) > hopeless:
+        if len(names) > 3 and loop.gap(current.residual) > HOPELESS * FLOOR_LEVEL:
             break
     if rival is not None and rival.terms and loop.allows(rival):
         fitted, folds = fit_figures(loop, rival)

@@ -71,8 +71,8 @@ LEAST_PROGRESS = 0.01
 CONTENDERS, CLOSE, CLOSE_SHARE = 4, 1000.0, 0.1
 """Alternatives that are fitted to convergence. They are close if their scores exceed the best one's
 by no more than the largest of: `CLOSE`, this share of its score, its cost beyond noise."""
-HOPELESS = 8.0
-"""A search in the free loop ends where four effects or more leave this many times `MISFIT`: two
+HOPELESS = 128.0
+"""A search in the free loop ends where four effects or more leave this gap over the floor: two
 further ones would not explain it."""
 FACTOR, MASS = "force_constant", "payload_mass"
 SCALED = (MASS, "coulomb_level", "viscous_damping", "presliding_stiffness")
@@ -85,13 +85,8 @@ place where this many of them were found. `--effects`."""
 NEAR = 3.0
 """Gap up to which a model is near the floor; models whose figures are within the machine file's
 tolerance show 1.5 to 3."""
-MISFIT = 16.0
-"""Largest gap that may be left where names are given in the free loop. If more is left, the library
-probably lacks what acts, even if its effects close most of the gap: of drag with the square of
-speed, viscous friction and a resonance close nine tenths and leave a hundred times this."""
-CLOSED, CLEAR = 0.6, 0.98
-"""Share of an axis' gap that must be closed on held-out moves for the same; and the share from
-which more than `MISFIT` may be left, as where a fine encoder shows what no machine repeats."""
+CLOSED = 0.6
+"""Share of an axis' gap that named effects must close on held-out moves."""
 LEVEL_MISFIT = 4.0
 """Mean square of the tracked Coulomb level, over that of the wander, from which the level has a
 course that the model lacks; right models show 0.4 to 1.8."""
