@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.console import console_for, make_table, progress_bar
 from stagectl.cli.file_kinds import PAGE
 from stagectl.cli.files import Output
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, option, takes, write_json
@@ -60,23 +60,19 @@ def command(given: _CaseOptions, json_out: Path | None, out: Path | None, quick:
     """
     from functools import partial
 
-    from stagectl.paper import Case, Options, Processing, Setup, page, study, tables
+    from stagectl.paper import Case, page, study, tables
 
     console = console_for(json_out)
     with progress_bar(console, "simulating") as update, unusable(ValueError, about="paper: "):
-        case = Case(
-            Setup(given.rate, given.profile, given.bandwidth, given.feedforward),
-            Processing(cut_off=given.cut_off or None),
-            options=Options(initial=given.initial, bounds=given.bounds),
-        )
+        case = Case(**{**asdict(given), "cut_off": given.cut_off or None})
         found = study.run(case, quick, partial(update, "simulating"))
     if json_out is not None:
         write_json(
             {
                 "tables": tables.as_json(found.tables),
                 "fixed_force": [
-                    {"initial": v.initial, "bounds": v.bounds, "tables": tables.as_json(v.tables)}
-                    for v in found.fixed
+                    {"initial": initial, "bounds": bounds, "tables": tables.as_json(fixed)}
+                    for (bounds, initial), fixed in found.fixed.items()
                 ],
                 "claims": [asdict(claim) for claim in found.claims],
             },
@@ -91,15 +87,9 @@ def command(given: _CaseOptions, json_out: Path | None, out: Path | None, quick:
 
 
 def _show(found: Study, console: Console) -> None:
-    from rich.table import Column, Table
-
     from stagectl.paper import page
 
     for each in page.tables(found):
-        columns = (Column(name, overflow="fold") for name in each.head)
-        table = Table(*columns, title=each.title, title_justify="left", padding=(0, 0))
-        for row in each.rows:
-            table.add_row(*row)
-        console.print(table)
+        console.print(make_table(*each, padding=(0, 0)))
     for number, claim in enumerate(found.claims, 1):
         console.print(f"\n{number}. {claim.claim}\n   {claim.verdict}. {claim.figure}")

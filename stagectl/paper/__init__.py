@@ -1,15 +1,13 @@
 """Section IV of the source paper, reproduced: its tables, its claims, and their sensitivity.
 
 M. Boegli, T. De Laet, J. De Schutter, J. Swevers: A Split-Horizon Scheme for On-line Friction
-Parameter Estimation. `published` holds the paper's figures, `simulate` the move, `signals` its
-measurement, `window` and `fit` the paper's unweighted Gauss-Newton, `tables` its Tables I and II;
-`claims` judges them; `study` runs everything, varied too, `page` writes the report.
+Parameter Estimation. `published` holds the paper's figures, `case` what it leaves open, `simulate`
+the move, `signals` its measurement, `window` and `fit` the paper's unweighted Gauss-Newton,
+`tables` its Tables I and II; `claims` judges them; `study` runs everything, varied too, `page`
+writes the report.
 
 A run uses another estimator, with a whitened residual and an arrival cost (`estimation`).
 """
 
-from stagectl.paper.signals import Processing as Processing
-from stagectl.paper.simulate import Setup as Setup
+from stagectl.paper.case import Case as Case
 from stagectl.paper.study import Study as Study
-from stagectl.paper.tables import Case as Case
-from stagectl.paper.window import Options as Options

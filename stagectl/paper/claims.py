@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.paper import published
-from stagectl.paper.fit import METHODS, Fit, left_by_zone_a, two_windows, zone_a, zone_b
-from stagectl.paper.published import PARAMETERS, SYMBOLS
-from stagectl.paper.signals import Alignment
+from stagectl.paper.case import Alignment, Case
+from stagectl.paper.fit import METHODS, Fit, fit, left_by_zone_a, two_windows, zone_a, zone_b
+from stagectl.paper.published import PARAMETERS, REFERENCE, SYMBOLS
+from stagectl.paper.signals import prepare
 from stagectl.paper.tables import (
     ALIGNMENTS,
     CONDITIONS,
     INITIAL_NAMES,
-    Case,
-    FixedForce,
+    Fixed,
     Tables,
     error,
-    on_bound,
+    one_window_ends,
     times_fewer,
 )
-from stagectl.paper.window import ALPHA, Options
-
-F64 = NDArray[np.float64]
+from stagectl.paper.window import ALPHA
+from stagectl.report.formats import listed
+from stagedata import F64
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 ENCODER_NOISE = 1e-9
@@ -53,7 +52,7 @@ class Claim:
 def judge(
     case: Case,
     tables: Tables,
-    fixed: Sequence[FixedForce],
+    fixed: Fixed,
     runs: int,
     progress: Callable[[], None] = lambda: None,
 ) -> tuple[Claim, ...]:
@@ -66,7 +65,7 @@ def judge(
         runs: number of runs with encoder noise, for the fourth claim.
         progress: called after every run.
     """
-    aligned = case.with_force("aligned")
+    aligned = replace(case, force="aligned")
     found = (
         *(under_fixed_force(claim, tables, fixed) for claim in (nearer, residual, evaluations)),
         attraction(aligned, runs, progress),
@@ -88,13 +87,13 @@ def _only(fits: dict[Alignment, bool]) -> str:
 
 
 def under_fixed_force(
-    claim: Callable[[Tables], tuple[str, str]], tables: Tables, fixed: Sequence[FixedForce]
+    claim: Callable[[Tables], tuple[str, str]], tables: Tables, fixed: Fixed
 ) -> tuple[str, str]:
     """Verdict and figure of a claim; one that does not hold may do so with the force fixed."""
     verdict, figure = claim(tables)
     if verdict != NOT:
         return verdict, figure
-    judged = {(v.bounds, v.initial): claim(v.tables)[0] for v in fixed}
+    judged = {choice: claim(found)[0] for choice, found in fixed.items()}
     holding = {
         bounds: [initial for initial in INITIAL_NAMES if judged.get((bounds, initial), NOT) != NOT]
         for bounds in CONDITIONS
@@ -113,10 +112,10 @@ def under_fixed_force(
         conditions.append(CONDITIONS[best])
     further = {judged[best, initial].partition(" only if ")[2] for initial in initials}
     conditions += sorted(further - {""})
-    ones = [v.tables["one_window"][f] for v in fixed if v.bounds == best for f in ALIGNMENTS]
-    stuck = sum(bool(on_bound(fit)) for fit in ones)
+    ends = one_window_ends(fixed, best)
+    stuck = sum(map(bool, ends))
     if stuck:
-        figure += f" So fixed, one window stops on a bound in {stuck} of {len(ones)} fits."
+        figure += f" So fixed, one window stops on a bound in {stuck} of {len(ends)} fits."
     return f"{REPRODUCED} only if {', and '.join(conditions)}", figure
 
 
@@ -137,7 +136,7 @@ def nearer(tables: Tables) -> tuple[str, str]:
             for name in PARAMETERS
             if max(abs(error(one, name)), abs(error(two, name))) > _NOTABLE
         )
-        names = _listed(SYMBOLS[name] for name in better[force]) if better[force] else "none"
+        names = listed([SYMBOLS[name] for name in better[force]]) if better[force] else "none"
         figures.append(f"{force}: nearer and surer for {names} (errors {errors or 'below 0.01 %'})")
     figure = f"One window and two, {'; '.join(figures)}."
     best = max(ALIGNMENTS, key=lambda force: len(better[force]))
@@ -147,7 +146,7 @@ def nearer(tables: Tables) -> tuple[str, str]:
         return NOT, figure
     verdict = f"{REPRODUCED} only if {_WHERE[best]}"
     if len(better[best]) < len(PARAMETERS):
-        verdict += f", and then only for {_listed(SYMBOLS[name] for name in better[best])}"
+        verdict += f", and then only for {listed([SYMBOLS[name] for name in better[best]])}"
     return verdict, figure
 
 
@@ -157,10 +156,10 @@ def residual(tables: Tables) -> tuple[str, str]:
         force: tables["two_windows"][force].mse / tables["one_window"][force].mse
         for force in ALIGNMENTS
     }
-    listed = ", ".join(f"{force} {value:.3g}" for force, value in ratio.items())
+    ratios = ", ".join(f"{force} {value:.3g}" for force, value in ratio.items())
     paper = published.TABLES["two_windows"].mse / published.TABLES["one_window"].mse
     verdict = _only({force: value <= 0.6 for force, value in ratio.items()})
-    return verdict, f"MSE of two windows over one: {listed}; paper {paper:.2f}."
+    return verdict, f"MSE of two windows over one: {ratios}; paper {paper:.2f}."
 
 
 def evaluations(tables: Tables) -> tuple[str, str]:
@@ -192,18 +191,18 @@ def attraction(case: Case, runs: int, progress: Callable[[], None]) -> tuple[str
 
     Spread: half of the range that holds the middle 68 %, over the true value.
     """
-    held = {**case.options.start, "attraction": published.REFERENCE["attraction"]}
-    alone = replace(case.options, slide=(0, 2, ALPHA), start=held)
-    both = replace(case.options, slide=(0, 1, 2, ALPHA))
+    coulomb, _, *others = case.start
+    alone = replace(case, slide=(0, 2, ALPHA), start=(coulomb, REFERENCE["attraction"], *others))
+    both = replace(case, slide=(0, 1, 2, ALPHA))
     values = []
     for seed in range(runs):
-        move = case.changed(setup={"noise": ENCODER_NOISE, "seed": seed}).move()
-        fit, with_alpha = two_windows(move, case.options).value, two_windows(move, alone).value
+        move = prepare(replace(case, noise=ENCODER_NOISE, seed=seed))
+        usual, with_alpha = two_windows(move, case), two_windows(move, alone)
         values.append(
             [
-                *(fit[name] / published.REFERENCE[name] for name in PARAMETERS[:3]),
-                with_alpha["static_ratio"] / published.STATIC_RATIO,
-                two_windows(move, both).value["attraction"] / published.REFERENCE["attraction"],
+                *(usual.value[name] / REFERENCE[name] for name in PARAMETERS[:3]),
+                with_alpha.value["static_ratio"] / published.STATIC_RATIO,
+                two_windows(move, both).value["attraction"] / REFERENCE["attraction"],
             ]
         )
         progress()
@@ -227,21 +226,18 @@ def border(case: Case) -> tuple[str, str]:
     """Verdict and figure: sigma0 with the border between the zones moved."""
 
     def errors(turned: bool, shifts: Sequence[float]) -> dict[float, float]:
-        found = {}
-        for shift in shifts:
-            moved = case.changed(borders={"shift": shift}, options={"turned": turned})
-            found[shift] = error(moved.fit("two_windows"), "stiffness")
-        return found
+        moved = {shift: replace(case, shift=shift, turned=turned) for shift in shifts}
+        return {s: error(fit(each, "two_windows"), "stiffness") for s, each in moved.items()}
 
-    def listed(by_shift: dict[float, float]) -> str:
+    def shown(by_shift: dict[float, float]) -> str:
         return ", ".join(f"{_percent(e)} at {s * 1e3:+.0f} ms" for s, e in by_shift.items())
 
     early, late = (-5e-3, -2e-3, -1e-3), (0.0, 1e-3, 2e-3, 5e-3)
     stuck, slipping = errors(True, (*early, *late)), errors(False, early)
     near = 0.02  # the paper's own error of sigma0 with two windows
     figure = (
-        f"Error of sigma0 with the border moved, elements sticking from there on: {listed(stuck)}; "
-        f"slipping on until the stage turns back: {listed(slipping)}."
+        f"Error of sigma0 with the border moved, elements sticking from there on: {shown(stuck)}; "
+        f"slipping on until the stage turns back: {shown(slipping)}."
     )
     if max(abs(stuck[shift]) for shift in late[:3]) >= near:
         return NOT, figure
@@ -255,35 +251,34 @@ def border(case: Case) -> tuple[str, str]:
 
 def robust(case: Case) -> tuple[str, str]:
     """Verdict and figure: effect of an error in one zone's parameters on the other's."""
-    move = case.move()
-    true = np.array([published.REFERENCE[name] for name in PARAMETERS])
-    start = case.options.first()
-    slide = []
-    for factor in (0.5, 2.0):
-        wrong = np.append(start[:3], factor * true[3])
-        slide.append(zone_a(move, wrong, case.options).value[:3])
-    by_stiffness = float(np.max(np.abs(slide[1] / slide[0] - 1)))
+    move = prepare(case)
+    true = np.array([REFERENCE[name] for name in PARAMETERS])
+    low, high = (
+        zone_a(move, np.array([*case.start[:3], factor * true[3]]), case).value[:3]
+        for factor in (0.5, 2.0)
+    )
+    by_stiffness = float(np.max(np.abs(high / low - 1)))
 
-    def stiffness(known: F64, options: Options) -> float:
-        return float(zone_b(move, known, left_by_zone_a(move, known), options).value[3])
+    def stiffness(known: F64, choice: Case) -> float:
+        return float(zone_b(move, known, left_by_zone_a(move, known), choice).value[3])
 
     wrongs = {"coulomb": 0.001, "attraction": 0.1, "viscous": 0.1}
     handed, estimated = (
         [
-            stiffness(np.where([n == name for n in PARAMETERS], true * (1 + by), true), options)
-            / stiffness(true, options)
+            stiffness(np.where([n == name for n in PARAMETERS], true * (1 + by), true), choice)
+            / stiffness(true, choice)
             - 1
             for name, by in wrongs.items()
         ]
-        for options in (case.options, replace(case.options, initial="free"))
+        for choice in (case, replace(case, initial="free"))
     )
-    listed = ", ".join(
+    effects = ", ".join(
         f"{SYMBOLS[name]} wrong by {_percent(by)}: {_percent(taken)} ({_percent(found)})"
         for (name, by), taken, found in zip(wrongs.items(), handed, estimated, strict=True)
     )
     figure = (
         f"sigma0 wrong by a factor 4: Fc, C, sigma_v change by {_percent(by_stiffness)} at most. "
-        f"sigma0 in turn, with zone B's initial force taken from zone A (estimated): {listed}."
+        f"sigma0 in turn, with zone B's initial force taken from zone A (estimated): {effects}."
     )
     if by_stiffness > 1e-3 or abs(handed[0]) <= 10 * wrongs["coulomb"]:
         return NOT, figure
@@ -298,8 +293,3 @@ def _percent(share: float) -> str:
     if percent < 5e-5:
         return "0 %"
     return f"{sign}{percent:.0f} %" if percent >= 99.5 else f"{sign}{percent:.2g} %"
-
-
-def _listed(names: Iterable[str]) -> str:
-    words = list(names)
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -13,23 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stagectl.paper.case import CASE, Case
 from stagectl.paper.published import Printed
-from stagectl.paper.signals import Move
-from stagectl.paper.window import (
-    NAMES,
-    OPTIONS,
-    TOTAL,
-    ZONE_A,
-    ZONE_B,
-    Options,
-    Problem,
-    Solution,
-    Window,
-)
-
-F64 = NDArray[np.float64]
+from stagectl.paper.signals import Move, prepare
+from stagectl.paper.window import NAMES, TOTAL, ZONE_B, Problem, Solution, Window
+from stagedata import F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,49 +34,47 @@ class Fit(Printed):
     predicted: F64
 
 
-def one_window(move: Move, options: Options = OPTIONS) -> Fit:
+def one_window(move: Move, case: Case = CASE) -> Fit:
     """All four parameters over zones A and B at once."""
     window = (move.slide, move.end)
-    problem = Problem(move, window, options, slipping=True)
-    found = problem.solve(options.first(), (*ZONE_A, *ZONE_B), None)
-    return _fit([found], (window,))
+    problem = Problem(move, window, case, slipping=True)
+    return _fit([problem.solve(np.array(case.start), (0, 1, 2, *ZONE_B), None)], (window,))
 
 
-def two_windows(move: Move, options: Options = OPTIONS) -> Fit:
+def two_windows(move: Move, case: Case = CASE) -> Fit:
     """Fc, C, sigma_v in zone A; then sigma0 in zone B."""
-    first = zone_a(move, options.first(), options)
-    second = zone_b(move, first.value[:TOTAL], first.left, options)
+    first = zone_a(move, np.array(case.start), case)
+    second = zone_b(move, first.value[:TOTAL], first.left, case)
     return _fit([first, second], ((move.slide, move.turn), (move.turn, move.end)))
 
 
-def zone_a(move: Move, start: F64, options: Options = OPTIONS) -> Solution:
+def zone_a(move: Move, start: F64, case: Case = CASE) -> Solution:
     """Fc, C, sigma_v from zone A.
 
     Args:
         move: its samples.
         start: first iterate, shape (4,); known parameters keep it.
-        options: of the fit.
+        case: of the fit.
     """
-    problem = Problem(move, (move.slide, move.turn), options, slipping=True)
-    return problem.solve(start, options.slide, None)
+    problem = Problem(move, (move.slide, move.turn), case, slipping=True)
+    return problem.solve(start, case.slide, None)
 
 
 def left_by_zone_a(move: Move, known: F64) -> float:
     """Sum of the element forces at zone A's end [N] under parameters taken as known, shape (4,)."""
-    problem = Problem(move, (move.slide, move.turn), OPTIONS, slipping=True)
-    return problem.follow(known)
+    return Problem(move, (move.slide, move.turn), CASE, slipping=True).follow(known)
 
 
-def zone_b(move: Move, known: F64, total: float, options: Options = OPTIONS) -> Solution:
+def zone_b(move: Move, known: F64, total: float, case: Case = CASE) -> Solution:
     """sigma0 from zone B.
 
     Args:
         move: its samples.
         known: Fc, C, sigma_v as known, sigma0 as first iterate, shape (4,).
         total: sum of the element forces where zone B begins [N].
-        options: of the fit.
+        case: of the fit.
     """
-    problem = Problem(move, (move.turn, move.end), options, slipping=not options.turned)
+    problem = Problem(move, (move.turn, move.end), case, slipping=not case.turned)
     return problem.solve(known, ZONE_B, total)
 
 
@@ -110,7 +97,12 @@ def _fit(windows: list[Solution], borders: tuple[Window, ...]) -> Fit:
     )
 
 
-METHODS: dict[str, Callable[[Move, Options], Fit]] = {
+METHODS: dict[str, Callable[[Move, Case], Fit]] = {
     "one_window": one_window,
     "two_windows": two_windows,
 }
+
+
+def fit(case: Case, method: str) -> Fit:
+    """Simulate a case, and fit it by one of `METHODS`."""
+    return METHODS[method](prepare(case), case)

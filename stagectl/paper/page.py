@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from stagectl.paper import published, simulate
 from stagectl.paper.published import PARAMETERS, SYMBOLS, TABLES, Printed
+from stagectl.paper.signals import Move, prepare
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import (
     ALIGNMENTS,
     CONDITIONS,
     INITIAL_NAMES,
     error,
-    on_bound,
+    one_window_ends,
     times_fewer,
 )
 from stagectl.report import Line, Panel, Span, draw, render_template
@@ -30,8 +32,7 @@ _FIGURES = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(NamedTuple):
     """A table of texts."""
 
     title: str
@@ -50,19 +51,15 @@ def write(study: Study, path: Path) -> None:
 def render(study: Study) -> str:
     """The page's text."""
     estimates, fixed, *varied = tables(study)
-    setup = study.case.setup
+    case = study.case
     verdicts = [claim.verdict for claim in study.claims]
     return render_template(
         "paper.md.j2",
-        distance=f"{published.DISTANCE * 1e3:g}",
-        elements=(published.PLANT_ELEMENTS, published.MODEL_ELEMENTS),
-        setup=setup,
-        cut_off=study.case.processing.cut_off,
-        options=study.case.options,
-        plant_rate=simulate.PLANT_RATE,
-        jerk=simulate.JERK,
-        duration=simulate.duration(setup.profile),
-        gains=simulate.gains(setup.bandwidth),
+        published=published,
+        simulate=simulate,
+        case=case,
+        duration=simulate.duration(case.profile),
+        gains=simulate.gains(case.bandwidth),
         estimates=estimates,
         smaller=_smaller_deviations(study),
         fixed=fixed,
@@ -82,9 +79,9 @@ def tables(study: Study) -> list[Table]:
 
 def _estimates(study: Study) -> Table:
     """Tables I and II: reference, start, the paper's columns and ours, as rows."""
-    starts = {"reference": published.REFERENCE, "start": study.case.options.start}
+    starts = {"reference": published.REFERENCE.values(), "start": study.case.start}
     rows = [
-        [name, *(f"{values[p] * _unit(p):g}" for p in PARAMETERS), "", "", ""]
+        [name, *(f"{v * _unit(p):g}" for p, v in zip(PARAMETERS, values, strict=True)), "", "", ""]
         for name, values in starts.items()
     ]
     for method, words in _METHODS.items():
@@ -109,13 +106,13 @@ def _smaller_deviations(study: Study) -> tuple[str, str]:
 def _fixed(study: Study) -> Table:
     """With zone A's initial force fixed: a row per choice, alignment and method."""
     rows = []
-    for variant in study.fixed:
-        fewer = times_fewer(variant.tables)
+    for (bounds, initial), found in study.fixed.items():
+        fewer = times_fewer(found)
         for force in ALIGNMENTS:
             for method, words in _METHODS.items():
-                choice = [variant.bounds, INITIAL_NAMES[variant.initial], force, words]
+                choice = [bounds, INITIAL_NAMES[initial], force, words]
                 gain = f"{fewer[force]:.1f}" if method == "two_windows" else ""
-                rows.append([*choice, *_figures(variant.tables[method][force], 3), gain])
+                rows.append([*choice, *_figures(found[method][force], 3), gain])
     head = ("steps", "zone A begins at", "force", "", *_FIGURES, "times fewer")
     return Table("Zone A's initial force fixed", head, rows)
 
@@ -124,8 +121,7 @@ def _stuck(study: Study) -> str:
     """How many fits of one window stop on a bound, by the way in which bounds are kept."""
     words = []
     for bounds in CONDITIONS:
-        variants = [v.tables["one_window"] for v in study.fixed if v.bounds == bounds]
-        ends = [on_bound(fit) for fits in variants for fit in fits.values()]
+        ends = one_window_ends(study.fixed, bounds)
         names = sorted({SYMBOLS[name] for end in ends for name in end})
         where = f" ({' and '.join(names)} at 0)" if names else ""
         words.append(f"{bounds} {sum(map(bool, ends))} of {len(ends)}{where}")
@@ -136,8 +132,8 @@ def _varied(study: Study) -> Table:
     rows = []
     last = ""
     for row in study.sensitivity:
-        if row.fit is None:
-            figures = [row.problem, "", "", "", ""]
+        if isinstance(row.fit, str):
+            figures = [row.fit, "", "", "", ""]
         else:
             errors = [_percent(error(row.fit, name)) for name in PARAMETERS]
             figures = [*errors, _small(row.fit.mse, 2)]
@@ -149,8 +145,7 @@ def _varied(study: Study) -> Table:
 
 def plot_move(study: Study) -> str:
     """Position, velocity and force of the move, zones shaded (figure 3)."""
-    case = study.case.with_force("aligned")
-    m, demand = case.move(), case.record().demand[1:-1]
+    m = _aligned_move(study)
     shown = slice(0, min(m.end + round(0.02 / m.period), len(m.time)))
     time = 1e3 * m.time
     spans = (
@@ -161,7 +156,7 @@ def plot_move(study: Study) -> str:
     panels = {
         "position [mm]": (
             Line(time, 1e3 * m.position[shown], colour=_MEASURED),
-            Line(time, 1e3 * demand[shown], colour=_DEMAND, dashed=True),
+            Line(time, 1e3 * m.demand[shown], colour=_DEMAND, dashed=True),
         ),
         "velocity [mm/s]": (Line(time, 1e3 * m.velocity[shown], colour=_MEASURED),),
         "force [N]": (Line(time, m.force[shown], colour=_MEASURED),),
@@ -172,7 +167,7 @@ def plot_move(study: Study) -> str:
 
 def plot_zones(study: Study) -> str:
     """Measured and predicted force in zones A and B, and their difference (figure 4)."""
-    m = study.case.with_force("aligned").move()
+    m = _aligned_move(study)
     fit = study.tables["two_windows"]["aligned"]
     above, below = [], []
     offset = 0
@@ -188,6 +183,10 @@ def plot_zones(study: Study) -> str:
         difference = Line(time, 1e3 * (measured - predicted), "", _MEASURED)
         below.append(Panel("time [ms]", "difference [mN]", (difference,)))
     return draw([above, below], 860, 240, "Measured and predicted force in zones A and B")
+
+
+def _aligned_move(study: Study) -> Move:
+    return prepare(replace(study.case, force="aligned"))
 
 
 def _figures(fit: Printed, decimals: int | None) -> list[str]:

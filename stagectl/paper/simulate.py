@@ -10,60 +10,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from estimation.trajectory import Limits, plan
+from estimation.trajectory import Limits, Trajectory, plan
 from hil_sim.plant import Slip, element_shares, slip_step, stribeck
 from stagectl.paper import published
+from stagectl.paper.case import PLANT_RATE, Case, Profile
+from stagedata import F64
 from stagedata.compiled import kernel
 
-F64 = NDArray[np.float64]
-Profile = Literal["sine", "jerk-limited"]
-
-PLANT_RATE = 200_000
-"""Steps of the mass per second."""
 LEAD_IN = 0.05
 """Rest before the move [s], for the filter's transient."""
 LEAD_OUT = 0.2
 """After the move [s]: settling, zone B, and the filter's transient."""
 JERK = 150.0
 """Of the jerk-limited profile [m/s^3]: 3 m/s^2 within 20 ms."""
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """What the paper leaves open about the move.
-
-    Attributes:
-        rate: of controller and samples [Hz]; divides 200 kHz.
-        profile: of the demand.
-        bandwidth: of the closed position loop, |T| = -3 dB [Hz].
-        feedforward: whether mass times acceleration of the demand is added to the force.
-        noise: of the encoder, rms [m].
-        seed: of that noise.
-
-    Raises:
-        ValueError: a figure outside its range, named.
-    """
-
-    rate: int = 20_000
-    profile: Profile = "sine"
-    bandwidth: float = published.BANDWIDTH
-    feedforward: bool = False
-    noise: float = 0.0
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        if self.rate < 500 or PLANT_RATE % self.rate:
-            raise ValueError(f"rate: must be >= 500 Hz and divide {PLANT_RATE}, is {self.rate}")
-        if not 0 < self.bandwidth < self.rate / 2:
-            raise ValueError(f"bandwidth: must be 0..rate/2 Hz, is {self.bandwidth}")
-        if not self.noise >= 0:
-            raise ValueError(f"noise: must be >= 0 m, is {self.noise}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +52,11 @@ class Record:
     slipping: NDArray[np.bool_]
 
 
-def gains(bandwidth: float, mass: float = published.MASS) -> tuple[float, float, float]:
-    """PID that puts three poles of a free mass at w0: kp [N/m], ki [N/(m s)], kd [N s/m].
+def gains(bandwidth: float) -> tuple[float, float, float]:
+    """PID that puts three poles of the free mass at w0: kp [N/m], ki [N/(m s)], kd [N s/m].
 
     Args:
         bandwidth: where |T| of the closed loop falls through -3 dB [Hz].
-        mass: [kg].
     """
     s = 2j * math.pi * bandwidth
 
@@ -100,7 +64,7 @@ def gains(bandwidth: float, mass: float = published.MASS) -> tuple[float, float,
         closed = (3 * w0 * s**2 + 3 * w0**2 * s + w0**3) / (s + w0) ** 3
         return abs(closed) - math.sqrt(0.5)
 
-    w0 = float(brentq(above, 0.02 * abs(s), abs(s)))
+    w0, mass = float(brentq(above, 0.02 * abs(s), abs(s))), published.MASS
     return 3 * mass * w0**2, mass * w0**3, 3 * mass * w0
 
 
@@ -110,8 +74,7 @@ def demand(profile: Profile, time: F64) -> tuple[F64, F64]:
     sine: one period of a sine as acceleration, amplitude 3 m/s^2; 0.229 s, peak 0.219 m/s.
     """
     if profile == "jerk-limited":
-        limits = Limits(published.VELOCITY, published.ACCELERATION, JERK)
-        position, _, acceleration = plan(0.0, published.DISTANCE, limits).sample(time)
+        position, _, acceleration = _jerk_limited().sample(time)
         return position, acceleration
     peak, end = published.ACCELERATION, duration(profile)
     w = 2 * math.pi / end
@@ -122,21 +85,34 @@ def demand(profile: Profile, time: F64) -> tuple[F64, F64]:
 def duration(profile: Profile) -> float:
     """From the demand's start to its end [s]."""
     if profile == "jerk-limited":
-        limits = Limits(published.VELOCITY, published.ACCELERATION, JERK)
-        return plan(0.0, published.DISTANCE, limits).duration
+        return _jerk_limited().duration
     return math.sqrt(2 * math.pi * published.DISTANCE / published.ACCELERATION)
 
 
-def simulate(setup: Setup) -> Record:
+def _jerk_limited() -> Trajectory:
+    limits = Limits(published.VELOCITY, published.ACCELERATION, JERK)
+    return plan(0.0, published.DISTANCE, limits)
+
+
+def simulate(case: Case) -> Record:
     """The point-to-point move of section IV, from relaxed friction, with rest on both sides.
 
     Raises:
         ValueError: the position loop is not stable at this sample rate.
     """
-    end = duration(setup.profile) + LEAD_OUT
-    time = np.arange(-round(LEAD_IN * setup.rate), round(end * setup.rate)) / setup.rate
-    wanted, acceleration = demand(setup.profile, time)
-    offset = published.MASS * acceleration if setup.feedforward else np.zeros_like(time)
+    return _simulate(
+        case.rate, case.profile, case.bandwidth, case.feedforward, case.noise, case.seed
+    )
+
+
+@lru_cache(maxsize=4)
+def _simulate(
+    rate: int, profile: Profile, bandwidth: float, feedforward: bool, noise: float, seed: int
+) -> Record:
+    end = duration(profile) + LEAD_OUT
+    time = np.arange(-round(LEAD_IN * rate), round(end * rate)) / rate
+    wanted, acceleration = demand(profile, time)
+    offset = published.MASS * acceleration if feedforward else np.zeros_like(time)
     reference = published.REFERENCE
     figures = np.array(
         [
@@ -150,18 +126,17 @@ def simulate(setup: Setup) -> Record:
             published.STRIBECK_SHAPE,
         ]
     )
-    noise = setup.noise * np.random.default_rng(setup.seed).standard_normal(len(time))
+    misread = noise * np.random.default_rng(seed).standard_normal(len(time))
     sampled = np.empty((2, len(time)))
     slipping = np.zeros(len(time), dtype=np.bool_)
     _run(
-        figures, element_shares(published.PLANT_ELEMENTS), np.array(gains(setup.bandwidth)),
-        1.0 / setup.rate, PLANT_RATE // setup.rate, np.stack([wanted, offset, noise]), sampled,
-        slipping,
+        figures, element_shares(published.PLANT_ELEMENTS), np.array(gains(bandwidth)),
+        1.0 / rate, PLANT_RATE // rate, np.stack([wanted, offset, misread]), sampled, slipping,
     )  # fmt: skip
     position, force = sampled
     if not np.abs(position - wanted).max() < published.DISTANCE:
-        raise ValueError(f"{setup.bandwidth:g} Hz at {setup.rate} samples/s: the loop is unstable")
-    return Record(setup.rate, time, wanted, position, force, slipping)
+        raise ValueError(f"{bandwidth:g} Hz at {rate} samples/s: the loop is unstable")
+    return Record(rate, time, wanted, position, force, slipping)
 
 
 @kernel(error_model="python")

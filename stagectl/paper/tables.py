@@ -9,25 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import replace
+from itertools import product
 from typing import Any
 
-from stagectl.paper.fit import METHODS, Fit
+from stagectl.paper.case import Alignment, Bounds, Case, Initial
+from stagectl.paper.fit import METHODS, Fit, fit
 from stagectl.paper.published import PARAMETERS, REFERENCE
-from stagectl.paper.signals import (
-    Alignment,
-    Borders,
-    Move,
-    Processing,
-    prepare,
-)
-from stagectl.paper.simulate import Record, Setup, simulate
-from stagectl.paper.window import Bounds, Initial, Options
 
 ALIGNMENTS: tuple[Alignment, ...] = ("logged", "aligned")
 Tables = dict[str, dict[Alignment, Fit]]
 """By method ("one_window", "two_windows"), then by alignment of the force."""
+Fixed = Mapping[tuple[Bounds, Initial], Tables]
+"""By the way to keep p >= 0, and the initial force."""
 
 INITIAL_NAMES: dict[Initial, str] = {
     "reference": "reference slip force",
@@ -39,72 +33,22 @@ CONDITIONS: dict[Bounds, str] = {
 }
 _ON_BOUND = 1e-4  # of the reference value; a halved step ends somewhat above the bound
 
-_record = lru_cache(maxsize=4)(simulate)
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """Choices of everything that the paper leaves open."""
-
-    setup: Setup = field(default_factory=Setup)
-    processing: Processing = field(default_factory=Processing)
-    borders: Borders = field(default_factory=Borders)
-    options: Options = field(default_factory=Options)
-
-    def record(self) -> Record:
-        """The move, simulated."""
-        return _record(self.setup)
-
-    def move(self) -> Move:
-        """The signals of the move."""
-        return prepare(self.record(), self.processing, self.borders)
-
-    def fit(self, method: str) -> Fit:
-        """Fit the move by one of `METHODS`."""
-        return METHODS[method](self.move(), self.options)
-
-    def changed(self, **parts: Mapping[str, Any]) -> Case:
-        """This case with other choices, by attribute: `changed(borders={"shift": 1e-3})`.
-
-        Raises:
-            ValueError: a choice that cannot be simulated.
-        """
-        made = {name: replace(getattr(self, name), **new) for name, new in parts.items()}
-        return replace(self, **made)
-
-    def with_force(self, force: Alignment) -> Case:
-        """This case with the force as logged or aligned."""
-        return self.changed(processing={"force": force})
-
-
-@dataclass(frozen=True, slots=True)
-class FixedForce:
-    """Tables I and II for one initial force and one way to keep p >= 0."""
-
-    initial: Initial
-    bounds: Bounds
-    tables: Tables
-
 
 def compute(case: Case) -> Tables:
     """Both methods on the force as logged and aligned."""
     return {
-        method: {force: case.with_force(force).fit(method) for force in ALIGNMENTS}
+        method: {force: fit(replace(case, force=force), method) for force in ALIGNMENTS}
         for method in METHODS
     }
 
 
-def compute_fixed(
-    case: Case, progress: Callable[[], None] = lambda: None
-) -> tuple[FixedForce, ...]:
-    """All initial forces and ways to keep the bounds; `progress` is called after each."""
-    found = []
-    for bounds in CONDITIONS:
-        for initial in INITIAL_NAMES:
-            fixed = case.changed(options={"initial": initial, "bounds": bounds})
-            found.append(FixedForce(initial, bounds, compute(fixed)))
-            progress()
-    return tuple(found)
+def compute_fixed(case: Case, progress: Callable[[], None] = lambda: None) -> Fixed:
+    """With zone A's initial force fixed; `progress` is called after each."""
+    found: dict[tuple[Bounds, Initial], Tables] = {}
+    for bounds, initial in product(CONDITIONS, INITIAL_NAMES):
+        found[bounds, initial] = compute(replace(case, bounds=bounds, initial=initial))
+        progress()
+    return found
 
 
 def error(fit: Fit, name: str) -> float:
@@ -115,6 +59,12 @@ def error(fit: Fit, name: str) -> float:
 def on_bound(fit: Fit) -> tuple[str, ...]:
     """Parameters that end on their bound 0."""
     return tuple(name for name in PARAMETERS if fit.value[name] < _ON_BOUND * REFERENCE[name])
+
+
+def one_window_ends(fixed: Fixed, bounds: Bounds) -> list[tuple[str, ...]]:
+    """`on_bound` of all fits of one window with the bounds kept this way."""
+    found = [tables["one_window"] for (kept, _), tables in fixed.items() if kept == bounds]
+    return [on_bound(fits[force]) for fits in found for force in ALIGNMENTS]
 
 
 def times_fewer(tables: Tables) -> dict[Alignment, float]:
@@ -135,9 +85,12 @@ def as_json(tables: Tables) -> dict[str, Any]:
 
 
 def _figures(fit: Fit) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, sigma in fit.sigma.items():
-        said = sigma if math.isfinite(sigma) else None
-        found[name] = {"value": fit.value[name], "sigma": said}
-    counts = {"iterations": sum(fit.iterations), "evaluations": sum(fit.evaluations)}
-    return {**found, "mse": fit.mse, **counts}
+    return {
+        **{
+            name: {"value": fit.value[name], "sigma": sigma if math.isfinite(sigma) else None}
+            for name, sigma in fit.sigma.items()
+        },
+        "mse": fit.mse,
+        "iterations": sum(fit.iterations),
+        "evaluations": sum(fit.evaluations),
+    }

@@ -8,30 +8,24 @@ rate C/Fc; here it is C, as in the paper. Deviations: MSE (J'J)^-1.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from estimation.friction import FrictionState, element_shares, follow
 from stagectl.paper import published
+from stagectl.paper.case import Case
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.signals import Move
-from stagedata import FrictionFigures
+from stagedata import F64, FrictionFigures
 
-F64 = NDArray[np.float64]
-Initial = Literal["tied", "reference", "measured", "free"]
-Bounds = Literal["bounded", "shortened"]
 Window = tuple[int, int]
 """First sample, and the one after the last."""
 
 TOTAL, ALPHA = len(PARAMETERS), len(PARAMETERS) + 1
 """After the parameters: sum of the element forces at the window's beginning [N]; alpha."""
 NAMES = (*PARAMETERS, "total", "static_ratio")
-ZONE_A = (0, 1, 2)
 ZONE_B = (3,)
 _FLOOR = 1e-6  # lower bound relative to the start: the model needs positive figures
 _STEP = 1e-6  # of forward differences, relative to the iterate or to the first one, if larger
@@ -40,41 +34,6 @@ _SUBSTEPS = 2
 _MAX_ITERATIONS = 60
 _HALVINGS = 8
 _SHORTENINGS = 40  # a step still outside the bounds after so many halvings ends the iteration
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the paper leaves open about the fit.
-
-    Attributes:
-        start: first iterate, by parameter.
-        initial: total of the element forces where the first window begins: "tied" to S(v0), which
-            follows Fc; "reference", S(v0) under the reference values; "measured", u - m a -
-            sigma_v v of the first sample; or "free", another unknown per window. Unless free, zone
-            B takes zone A's end.
-        bounds: how p >= 0 is kept: each step is the minimiser of a "bounded" least-squares problem,
-            or the whole Gauss-Newton step is "shortened", halved until it ends above the bound.
-        turned: whether zone B's elements stick from its first sample; if not, they slip on until
-            the stage moves back.
-        slide: unknowns of zone A where there are two windows; `ALPHA` may be among them.
-    """
-
-    start: Mapping[str, float] = field(
-        default_factory=lambda: {
-            name: published.START * value for name, value in published.REFERENCE.items()
-        }
-    )
-    initial: Initial = "tied"
-    bounds: Bounds = "bounded"
-    turned: bool = True
-    slide: tuple[int, ...] = ZONE_A
-
-    def first(self) -> F64:
-        """The first iterate, shape (4,)."""
-        return np.array([self.start[name] for name in PARAMETERS])
-
-
-OPTIONS = Options()
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,15 +66,15 @@ class Problem:
     Args:
         move: its samples.
         window: which of them.
-        options: of the fit.
+        case: of the fit.
         slipping: whether all elements slip at the beginning; none does otherwise.
     """
 
-    def __init__(self, move: Move, window: Window, options: Options, slipping: bool) -> None:
+    def __init__(self, move: Move, window: Window, case: Case, slipping: bool) -> None:
         first, last = window
         # The first window begins at its first sample, the second where the first one ended.
         before = first if first == move.slide else first - 1
-        self._options = options
+        self._case = case
         self._slipping = slipping
         self._origin = before == first
         self._start = move.position[before]
@@ -127,7 +86,6 @@ class Problem:
         ratio = abs(move.velocity[first]) / published.STRIBECK_VELOCITY
         self._rise = math.exp(-(ratio**published.STRIBECK_SHAPE))
         self._period = move.period
-        self._given = False
         self._size = np.ones(len(NAMES))
         self.evaluations = 0
 
@@ -137,15 +95,13 @@ class Problem:
         Args:
             start: parameters.
             free: the unknowns among them.
-            total: element forces' sum at the beginning [N]; None: by the options, S(v0) if free.
+            total: element forces' sum at the beginning [N]; None: by the case, S(v0) if free.
         """
-        value = np.append(start, [0.0 if total is None else total, published.STATIC_RATIO])
-        self._given = total is not None
-        value[TOTAL] = self._begin(value)
-        self._size = np.abs(value)
-        if self._options.initial == "free":
+        value = np.append(start, [math.nan if total is None else total, published.STATIC_RATIO])
+        if self._case.initial == "free":
+            value[TOTAL] = self._begin(value)
             free = (*free, TOTAL)
-            self._given = True
+        self._size = np.abs(value)
         chosen = list(free)
         floor = np.append(_FLOOR * start, [-np.inf, _FLOOR])[chosen]
         largest = np.abs(value[chosen])
@@ -159,10 +115,8 @@ class Problem:
             scale = np.maximum(np.abs(value[chosen]), _FLOOR * largest)
             lower = np.minimum(floor - value[chosen], 0.0) / scale
             scaled = jacobian * scale
-            if self._options.bounds == "bounded":
-                step = scale * _box_step(scaled, residual, lower)
-            else:
-                step = scale * _shortened_step(scaled, residual, lower)
+            find_step = _box_step if self._case.bounds == "bounded" else _shortened_step
+            step = scale * find_step(scaled, residual, lower)
             for _ in range(_HALVINGS):
                 trial = value.copy()
                 trial[chosen] += step
@@ -184,16 +138,15 @@ class Problem:
 
     def follow(self, start: F64) -> float:
         """Sum of the element forces at the end [N], parameters as given, shape (4,)."""
-        self._given = False
-        return self._evaluate(np.append(start, [0.0, published.STATIC_RATIO]))[2]
+        return self._evaluate(np.append(start, [math.nan, published.STATIC_RATIO]))[2]
 
     def _begin(self, value: F64) -> float:
-        """Sum of the element forces at the beginning [N]."""
-        if self._given:
+        """Sum of the element forces at the beginning [N]: as given, or (nan) as the case says."""
+        if not math.isnan(value[TOTAL]):
             return float(value[TOTAL])
-        if self._options.initial == "measured":
+        if self._case.initial == "measured":
             return float(self._force[0] - self._inertia[0] - value[2] * self._velocity[0])
-        fixed = self._options.initial == "reference"
+        fixed = self._case.initial == "reference"
         coulomb = published.REFERENCE["coulomb"] if fixed else value[0]
         alpha = published.STATIC_RATIO if fixed else value[ALPHA]
         return float((1 + alpha * self._rise) * coulomb)

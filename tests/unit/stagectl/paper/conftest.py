@@ -3,6 +3,7 @@
 import pytest
 
 from stagectl.paper import Case, study
+from stagectl.paper.signals import prepare
 
 
 @pytest.fixture(scope="session")
@@ -12,4 +13,4 @@ def quick():
 
 @pytest.fixture(scope="session")
 def move():
-    return Case().move()
+    return prepare(Case())

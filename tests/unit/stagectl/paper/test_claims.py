@@ -7,7 +7,6 @@ import pytest
 from stagectl.paper import claims, published
 from stagectl.paper.fit import Fit
 from stagectl.paper.published import PARAMETERS
-from stagectl.paper.tables import FixedForce
 
 FIXED = "reproduced only if zone A's initial force does not follow Fc"
 
@@ -69,11 +68,11 @@ EQUAL = (fit(0.01, 0.01, 1e-8, (3,), (20,)), fit(0.01, 0.01, 1e-8, (3, 2), (15, 
     ],
 )  # fmt: skip
 def test_what_holds_with_the_force_fixed_names_that_as_the_condition(holding, verdict):
-    fixed = [
-        FixedForce(initial, bounds, both(*(NEARER if bounds in holding else EQUAL)))
+    fixed = {
+        (bounds, initial): both(*(NEARER if bounds in holding else EQUAL))
         for bounds in ("bounded", "shortened")
         for initial in ("reference", "measured")
-    ]
+    }
     for judged in (claims.nearer, claims.residual, claims.evaluations):
         assert claims.under_fixed_force(judged, both(*EQUAL), fixed)[0] == verdict
         # What holds anyway needs no condition.
@@ -81,10 +80,7 @@ def test_what_holds_with_the_force_fixed_names_that_as_the_condition(holding, ve
 
 
 def test_what_holds_with_one_fixed_force_only_names_it():
-    fixed = [
-        FixedForce("reference", "bounded", both(*EQUAL)),
-        FixedForce("measured", "bounded", both(*NEARER)),
-    ]
+    fixed = {("bounded", "reference"): both(*EQUAL), ("bounded", "measured"): both(*NEARER)}
     verdict, _ = claims.under_fixed_force(claims.residual, both(*EQUAL), fixed)
     assert verdict.startswith("reproduced only if zone A begins at the measured u - m a")
 
@@ -112,5 +108,4 @@ def test_verdicts_of_the_base_case(quick, number, verdict):
 
 def test_estimated_initial_force_makes_sigma0_robust(quick):
     """Then nothing of the sixth claim's second half is left."""
-    case = replace(quick.case, options=replace(quick.case.options, initial="free"))
-    assert claims.robust(case)[0] == "not reproduced"
+    assert claims.robust(replace(quick.case, initial="free"))[0] == "not reproduced"

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stagectl.paper import Case, Options, published
-from stagectl.paper.fit import METHODS, one_window, two_windows, zone_a
+from stagectl.paper import Case, published
+from stagectl.paper.fit import METHODS, fit, one_window, two_windows, zone_a
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.tables import error
 from stagectl.paper.window import ALPHA, TOTAL
@@ -17,24 +17,21 @@ BOTH = pytest.mark.parametrize("method", METHODS)
 
 
 def start(*factors):
-    return {
-        name: factor * published.REFERENCE[name]
-        for name, factor in zip(PARAMETERS, factors, strict=True)
-    }
+    return tuple(f * v for f, v in zip(factors, published.REFERENCE.values(), strict=True))
 
 
 @pytest.fixture(scope="module")
 def own(move):
     """The plant's motion with the force that the one-window model would predict for it."""
-    fit = one_window(move)
+    found = one_window(move)
     force = move.force.copy()
-    force[move.slide : move.end] = fit.predicted
-    return replace(move, force=force), fit
+    force[move.slide : move.end] = found.predicted
+    return replace(move, force=force), found
 
 
 def test_one_window_finds_its_own_parameters(own):
     move, truth = own
-    found = one_window(move, Options(start=start(0.3, 0.7, 0.5, 1.5)))
+    found = one_window(move, Case(start=start(0.3, 0.7, 0.5, 1.5)))
     for name in PARAMETERS:
         assert found.value[name] == pytest.approx(truth.value[name], rel=1e-6)
     assert found.mse < 1e-16
@@ -52,7 +49,7 @@ def test_two_windows_find_zone_a_of_their_own(own):
 @settings(max_examples=15, deadline=None)
 @given(factors=st.lists(st.floats(0.3, 3.0), min_size=4, max_size=4))
 def test_first_iterate_does_not_matter(move, method, factors):
-    found = METHODS[method](move, Options(start=start(*factors)))
+    found = METHODS[method](move, Case(start=start(*factors)))
     for name, tolerance in zip(PARAMETERS, (1e-5, 1e-2, 1e-4, 2e-3), strict=True):
         assert error(found, name) == pytest.approx(0.0, abs=tolerance)
 
@@ -66,7 +63,7 @@ def test_evaluations_are_one_per_unknown_and_one_per_trial(move):
 @pytest.mark.parametrize("initial", ["reference", "measured"])
 def test_an_initial_force_that_does_not_follow_fc_is_what_zone_a_begins_with(move, initial):
     start = np.array([1.0, 2.0, 0.5, 500.0])
-    found = zone_a(move, start, Options(initial=initial))
+    found = zone_a(move, start, Case(initial=initial))
     first = move.slide
     inertia = published.MASS * move.acceleration[first]
     slip = 2.0 * (1 + 0.5 * np.exp(-move.velocity[first] / published.STRIBECK_VELOCITY))
@@ -79,8 +76,8 @@ def test_an_initial_force_that_does_not_follow_fc_is_what_zone_a_begins_with(mov
 
 def test_a_parameter_of_which_the_window_says_nothing_has_an_infinite_deviation(move):
     """Where C is almost 0, slipping elements keep their force, and Fc changes nothing."""
-    options = Options(initial="reference", slide=(0,))
-    found = zone_a(move, np.array([1.0, 1e-30, 1.0, 1000.0]), options)
+    case = Case(initial="reference", slide=(0,))
+    found = zone_a(move, np.array([1.0, 1e-30, 1.0, 1000.0]), case)
     assert np.isinf(found.variance[0])
 
 
@@ -104,16 +101,14 @@ def test_deviation_is_the_spread_where_the_force_carries_white_noise(own):
         assert 0.8 < spread / stated < 1.25, name
 
 
-def test_estimates_stay_above_the_bound_where_the_data_pulls_below(move):
+def test_estimates_stay_above_the_bound_where_the_data_pulls_below():
     """A filter on velocity and acceleration alone pulls C below zero."""
-    processing = replace(Case().processing, cut_off=50.0, filter_force=False)
-    found = replace(Case(), processing=processing).fit("two_windows")
+    found = fit(Case(cut_off=50.0, filter_force=False), "two_windows")
     assert 0 < found.value["attraction"] < 1e-4
     assert found.value["coulomb"] == pytest.approx(2.0, rel=0.01)
 
 
 def test_alpha_is_estimated_on_request(move):
-    options = Options(slide=(0, 2, ALPHA), start=start(0.5, 1.0, 0.5, 0.5))
-    found = two_windows(move, options)
+    found = two_windows(move, Case(slide=(0, 2, ALPHA), start=start(0.5, 1.0, 0.5, 0.5)))
     assert found.value["static_ratio"] == pytest.approx(published.STATIC_RATIO, rel=0.02)
     assert "attraction" not in found.value

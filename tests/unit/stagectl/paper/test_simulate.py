@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from stagectl.paper import Setup, published
+from stagectl.paper import Case, published
 from stagectl.paper.simulate import demand, duration, gains, simulate
 
 
 @pytest.mark.parametrize("bandwidth", [20.0, 100.0, 300.0])
 def test_gains_put_the_closed_loop_at_the_bandwidth(bandwidth):
-    kp, ki, kd = gains(bandwidth, mass=3.0)
+    kp, ki, kd = gains(bandwidth)
 
     def closed(frequency):
         s = 2j * np.pi * frequency
-        return abs((kd * s**2 + kp * s + ki) / (3.0 * s**3 + kd * s**2 + kp * s + ki))
+        return abs((kd * s**2 + kp * s + ki) / (published.MASS * s**3 + kd * s**2 + kp * s + ki))
 
     assert closed(bandwidth) == pytest.approx(np.sqrt(0.5))
     assert closed(1.05 * bandwidth) < closed(bandwidth) < closed(0.95 * bandwidth)
@@ -37,7 +37,7 @@ def test_sine_move_lasts_as_computed_by_hand():
 
 
 def test_force_of_a_sliding_stage_is_inertia_coulomb_and_viscous():
-    record = simulate(Setup())
+    record = simulate(Case())
     x, u, period = record.position, record.force, 1 / record.rate
     velocity = (x[2:] - x[:-2]) / (2 * period)
     acceleration = (x[2:] - 2 * x[1:-1] + x[:-2]) / period**2
@@ -51,7 +51,7 @@ def test_force_of_a_sliding_stage_is_inertia_coulomb_and_viscous():
 
 
 def test_encoder_noise_is_seeded():
-    a, b, c = (simulate(Setup(noise=1e-9, seed=seed)) for seed in (1, 1, 2))
+    a, b, c = (simulate(Case(noise=1e-9, seed=seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(a.force, b.force)
     assert not np.array_equal(a.force, c.force)
 
@@ -59,13 +59,13 @@ def test_encoder_noise_is_seeded():
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [({"rate": 3}, "rate"), ({"rate": 30_000}, "rate"), ({"bandwidth": 0.0}, "bandwidth"),
-     ({"bandwidth": 1e4}, "bandwidth"), ({"noise": -1.0}, "noise")],
+     ({"bandwidth": 1e4}, "bandwidth"), ({"noise": -1.0}, "noise"), ({"cut_off": 0.0}, "cut_off")],
 )  # fmt: skip
-def test_impossible_setup_is_named(wrong, named):
+def test_impossible_case_is_named(wrong, named):
     with pytest.raises(ValueError, match=named):
-        Setup(**wrong)
+        Case(**wrong)
 
 
 def test_unstable_loop_is_said():
     with pytest.raises(ValueError, match="unstable"):
-        simulate(Setup(rate=1000, bandwidth=300.0))
+        simulate(Case(rate=1000, bandwidth=300.0))

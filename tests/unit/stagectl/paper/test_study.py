@@ -2,7 +2,7 @@
 
 import pytest
 
-from stagectl.paper import Case, Setup, study
+from stagectl.paper import Case, study
 from stagectl.paper.tables import error
 
 WANTED = {
@@ -22,7 +22,7 @@ def off(rows, group, choice, name):
 
 def test_everything_left_open_is_varied(rows):
     assert {group for group, _ in rows} == WANTED
-    assert all(row.fit is not None for row in rows.values())
+    assert not any(isinstance(row.fit, str) for row in rows.values())
 
 
 def test_lag_grows_with_the_sample_period(rows):
@@ -44,7 +44,6 @@ def test_force_has_to_go_through_the_filter(rows):
 
 
 def test_an_impossible_choice_is_a_row_with_its_reason():
-    case = Case(Setup(rate=500, bandwidth=50.0))
-    gains = [row for row in study.vary(case) if row.choice == "200 Hz, aligned"]
-    assert [row.fit for row in gains] == [None]
-    assert "unstable" in gains[0].problem
+    case = Case(rate=500, bandwidth=50.0)
+    (why,) = (row.fit for row in study.vary(case) if row.choice == "200 Hz, aligned")
+    assert "unstable" in why
