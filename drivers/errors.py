@@ -112,6 +112,13 @@ class NodeError(DriverError):
     """A node does not answer, refuses an access, or is not the device its EDS describes."""
 
 
+class RefusedError(NodeError):
+    """The drive answered an SDO access with an abort: it refuses this, and is there.
+
+    Raised with an `abort_code`.
+    """
+
+
 class ConfigurationError(DriverError):
     """A setting is impossible, or a drive holds a value other than the one written."""
 

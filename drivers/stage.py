@@ -16,7 +16,6 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.boot import Boot
 from drivers.canopen import MonotonicClock, Network, Tap, open_bus
@@ -25,7 +24,7 @@ from drivers.drive import Axis
 from drivers.errors import BusError, ConfigurationError, DriverError
 from drivers.motion import CyclicModes, Homing, Power, ProfileMoves, ProfilePosition, SafeStop
 from drivers.settings import AxisSettings, BusSettings
-from stagedata import Samples
+from stagedata import F64, Samples
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -327,8 +326,8 @@ class Stage:
     @_exclusive
     def stream(
         self,
-        position: NDArray[np.float64],
-        offset: NDArray[np.float64],
+        position: F64,
+        offset: F64,
         until: Until | None = None,
     ) -> Samples:
         """Streams setpoints in csp, one row per SYNC, and returns the samples.
@@ -351,8 +350,8 @@ class Stage:
     @_exclusive
     def stream_velocity(
         self,
-        velocity: NDArray[np.float64],
-        offset: NDArray[np.float64] | None = None,
+        velocity: F64,
+        offset: F64 | None = None,
         until: Until | None = None,
     ) -> Samples:
         """Streams velocities in csv, from rest to rest; the axes stay enabled in csv.
@@ -372,7 +371,7 @@ class Stage:
         return self._cyclic.stream_velocity(velocity, offset, until)
 
     @_exclusive
-    def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
+    def stream_force(self, force: F64, until: Until | None = None) -> Samples:
         """Streams forces in cst; the axes stay enabled in cst, without force.
 
         `enable` waits for rest and returns them to csp. The sink gets none of these samples.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
 import canopen
@@ -15,7 +16,7 @@ import canopen
 from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.sdo_channel import SdoChannel
-from drivers.errors import ConfigurationError, NodeError, shown
+from drivers.errors import ConfigurationError, NodeError, RefusedError, shown
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
@@ -78,7 +79,7 @@ class RemoteObjects:
             return False
         try:
             self.read(obj)
-        except NodeError as refused:
+        except RefusedError as refused:
             if refused.abort_code not in _NOT_OFFERED:
                 raise
             return False
@@ -117,9 +118,7 @@ class RemoteObjects:
         """
         try:
             return self.read(obj) if self.offers(obj) else None
-        except NodeError as refused:
-            if refused.abort_code is None:
-                raise
+        except RefusedError:
             return None
 
     def error_history(self) -> tuple[int, ...]:
@@ -129,13 +128,10 @@ class RemoteObjects:
             NodeError: no answer.
         """
         codes = []
-        try:
+        with suppress(RefusedError):
             count = self.read(od.ERROR_COUNT) if self.offers(od.ERROR_COUNT) else 0
             for sub in range(1, min(count, HISTORY_LENGTH) + 1):
                 codes.append(self.read(ObjectRef(0x1003, sub, "error history")) & 0xFFFF)
-        except NodeError as refused:
-            if refused.abort_code is None:
-                raise
         return tuple(codes)
 
     def read_value(self, obj: ObjectRef) -> Value:
@@ -199,7 +195,9 @@ class RemoteObjects:
             self._require(obj, value, result)
         return result is not None
 
-    def write_if_accepted(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
+    def write_if_accepted(
+        self, obj: ObjectRef, value: int
+    ) -> tuple[int, RefusedError | None] | None:
         """Writes an optional object; the caller judges the value that it holds then.
 
         Returns:
@@ -214,37 +212,37 @@ class RemoteObjects:
             return None
         try:
             return self._write_and_read(obj, value)
-        except NodeError as refused:
+        except RefusedError as refused:
             if refused.abort_code in _NOT_OFFERED:
                 return None
             raise
 
-    def _write_and_read(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None]:
+    def _write_and_read(self, obj: ObjectRef, value: int) -> tuple[int, RefusedError | None]:
         held = self.read(obj)
         if held == value:
             return held, None
         try:
             self.write(obj, value)
-        except NodeError as refused:
-            if refused.abort_code is None or refused.abort_code in _NOT_OFFERED:
+        except RefusedError as refused:
+            if refused.abort_code in _NOT_OFFERED:
                 raise
             return held, refused
         return self.read(obj), None
 
-    def _require(self, obj: ObjectRef, value: int, result: tuple[int, NodeError | None]) -> None:
+    def _require(self, obj: ObjectRef, value: int, result: tuple[int, RefusedError | None]) -> None:
         held, refusal = result
         if held != value:
             raise self.mismatch(obj, value, held, refusal)
 
     def mismatch(
-        self, obj: ObjectRef, value: int, held: int, refusal: NodeError | None
-    ) -> ConfigurationError | NodeError:
+        self, obj: ObjectRef, value: int, held: int, refusal: RefusedError | None
+    ) -> ConfigurationError | RefusedError:
         """The error of a drive that holds another value than the one written."""
         if refusal is None:
             return ConfigurationError(
                 f"wrote {value}, the drive holds {held}", axis=self.name, obj=obj
             )
-        return NodeError(
+        return RefusedError(
             f"{refusal.cause}; the drive holds {held}", axis=self.name, obj=obj,
             abort_code=refusal.abort_code,
         )  # fmt: skip
@@ -272,7 +270,7 @@ class RemoteObjects:
             except canopen.SdoAbortedError as abort:
                 self.silent = False
                 text = abort.CODES.get(abort.code, "no such abort code in CiA 301")
-                raise NodeError(
+                raise RefusedError(
                     f"{what} refused: {text} (abort 0x{abort.code:08X})",
                     axis=self.name, obj=obj, abort_code=abort.code,
                 ) from abort  # fmt: skip

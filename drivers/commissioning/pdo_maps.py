@@ -11,7 +11,7 @@ import canopen
 from canopen.objectdictionary import ODVariable
 
 from drivers.canopen import RemoteObjects, pdo_label
-from drivers.errors import NodeError
+from drivers.errors import RefusedError
 from drivers.objects import ObjectRef
 
 _AREA = range(0x1400, 0x1C00)
@@ -83,9 +83,7 @@ class PdoMaps:
                 for sub in range(1, min(count, 8) + 1):
                     self._held[mapping, sub] = node.read(ObjectRef(mapping, sub, "mapped object"))
                 self._held[communication, 1] = cob_id
-            except NodeError as refused:
-                if refused.abort_code is None:
-                    raise
+            except RefusedError:
                 self._held[communication, 1] = _INVALID
         self._update()
 

@@ -33,7 +33,7 @@ class AxisStatus:
         statusword: 0x6041.  state: that it shows.  words: the status in plain words.
         mode: 0x6061.  position: [m].  force: [N].
         error_code: 0x603F.  error_register: 0x1001.
-        history: newest error codes of 0x1003, newest first.
+        error_history: newest error codes of 0x1003, newest first.
         sto: 0x60FD bit 3: safe torque off active, or enable input open.
         brake: 0x60FE:01 bit 0: holding brake set.
     """
@@ -49,7 +49,7 @@ class AxisStatus:
     force: float | None
     error_code: int | None
     error_register: int | None
-    history: tuple[int, ...]
+    error_history: tuple[int, ...]
     sto: bool | None = None
     brake: bool | None = None
 
@@ -130,7 +130,7 @@ def status_of(axis: Axis) -> AxisStatus:
         force=None if force is None else force * axis.force_unit,
         error_code=code,
         error_register=optional(od.ERROR_REGISTER),
-        history=axis.node.error_history(),
+        error_history=axis.node.error_history(),
         sto=None if inputs is None else bool(inputs & od.INTERLOCK),
         brake=None if outputs is None else bool(outputs & 1),
     )
@@ -143,6 +143,6 @@ def error_line(status: AxisStatus) -> str:
         parts.append(error_text(status.error_code))
     if status.error_register:
         parts.append(f"register: {register_text(status.error_register)}")
-    if status.history:
-        parts.append("last: " + ", ".join(f"0x{code:04X}" for code in status.history))
+    if status.error_history:
+        parts.append("last: " + ", ".join(f"0x{code:04X}" for code in status.error_history))
     return "; ".join(parts) or "none"

@@ -23,6 +23,7 @@ from drivers.cyclic.sync_producer import Exchange
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
 from drivers.settings import BusSettings
+from stagedata import F64
 
 _FOLLOWING_ERROR = 0x8611
 _HOST_LOST = (0x8130, 0x8250)
@@ -175,7 +176,7 @@ class Cycle:
         rows: array[int],
         sink: Sink | None,
         until: Until | None,
-        planned: NDArray[np.float64] | None = None,
+        planned: F64 | None = None,
     ) -> None:
         """Runs one cycle per row of setpoints and appends one `Sample` per cycle to `rows`.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.sync_producer import Exchange, Frames
+from stagedata import F64
 
 _LEAST, _MOST = -32768, 32767
 
@@ -76,7 +77,7 @@ class OffsetCorrection(Protocol):
     def begin(
         self,
         targets: NDArray[np.int64],
-        planned: NDArray[np.float64],
+        planned: F64,
         target: Sequence[int],
         continued: bool,
     ) -> None:
@@ -122,7 +123,7 @@ class CorrectedOffsets:
         self._chosen: Sequence[int] = [0] * len(sync.channels)
         self._planned = np.zeros(len(sync.channels))
 
-    def rows(self, targets: NDArray[np.int64], planned: NDArray[np.float64]) -> Iterator[Row]:
+    def rows(self, targets: NDArray[np.int64], planned: F64) -> Iterator[Row]:
         """The rows of a stream, each made when it is due.
 
         Args:
@@ -150,16 +151,14 @@ class CorrectedOffsets:
         """Note that a stream has ended, after whichever row."""
         self._last = self._sync.sent
 
-    def _begin(
-        self, targets: NDArray[np.int64], planned: NDArray[np.float64], continued: bool
-    ) -> None:
+    def _begin(self, targets: NDArray[np.int64], planned: F64, continued: bool) -> None:
         last = [channel.target for channel in self._sync.channels]
         try:
             self._correction.begin(targets, planned, last, continued)
         except Exception as why:  # noqa: BLE001  the stream goes on
             self._fail(why)
 
-    def _choose(self, row: int, planned: NDArray[np.float64]) -> Sequence[int]:
+    def _choose(self, row: int, planned: F64) -> Sequence[int]:
         sync = self._sync
         passed = sync.sent - self._before
         periods = 1 if passed == self._period else max(1, round(passed / self._period))

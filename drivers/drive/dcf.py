@@ -15,7 +15,7 @@ from canopen.objectdictionary import ODVariable
 
 from drivers.canopen import Node, Value
 from drivers.drive.parameters import Parameter, Rule
-from drivers.errors import ConfigurationError, NodeError, shown
+from drivers.errors import ConfigurationError, RefusedError, shown
 from drivers.objects import ObjectRef
 
 LISTED = 5
@@ -59,9 +59,7 @@ def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
         try:
             if not _holds(node, ref, value):
                 node.write(ref, value)
-        except (NodeError, ConfigurationError) as error:
-            if isinstance(error, NodeError) and error.abort_code is None:
-                raise
+        except (RefusedError, ConfigurationError) as error:
             differences.append(f"{ref} {error.cause}")
             refused.add(ref)
     for ref, value in values:
@@ -93,9 +91,7 @@ def _holds(node: Node, ref: ObjectRef, value: Value) -> bool:
     """Whether the drive holds the value already, as in an object fixed at it."""
     try:
         return _held(node, ref, value) == _as_held(node, ref, value)
-    except NodeError as refused:
-        if refused.abort_code is None:
-            raise
+    except RefusedError:
         return False  # the write will tell why
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from drivers import objects as od
 from drivers.canopen import Node
-from drivers.errors import NodeError
+from drivers.errors import RefusedError
 from drivers.objects import ObjectRef
 from drivers.settings import HOST_NODE
 
@@ -63,9 +63,7 @@ def _kept(node: Node, obj: ObjectRef, value: int) -> tuple[int | None, str]:
     """What the object holds after `value` was written, and a clause on what is wrong with it."""
     try:
         kept = node.write_if_accepted(obj, value)
-    except NodeError as refused:
-        if refused.abort_code is None:
-            raise
+    except RefusedError as refused:
         return None, refused.cause
     if kept is None:
         return None, "is not offered"

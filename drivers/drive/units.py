@@ -24,7 +24,7 @@ from fractions import Fraction
 from drivers import objects as od
 from drivers.canopen import Node
 from drivers.drive.scaling import dimension, unit
-from drivers.errors import ConfigurationError, NodeError
+from drivers.errors import ConfigurationError, RefusedError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
@@ -184,9 +184,7 @@ def _stated(node: Node, ref: ObjectRef) -> int | None:
     """
     try:
         return node.read(ref) & 0xFFFFFFFF or None
-    except NodeError as refused:
-        if refused.abort_code is None:
-            raise
+    except RefusedError:
         return None
 
 

@@ -24,9 +24,8 @@ from drivers.errors import AxisFault
 from drivers.motion.limits import checked_forces, checked_positions, checked_velocities
 from drivers.motion.power import Power
 from drivers.motion.safe_stop import SafeStop
-from stagedata import Samples
+from stagedata import F64, Samples
 
-F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _SPEED_OVER = 5

@@ -12,6 +12,7 @@ from drivers import objects as od
 from drivers.drive import counts, dimension, unit
 from drivers.errors import LimitError, shown
 from drivers.settings import AxisSettings
+from stagedata import F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,8 @@ class Setpoint:
 
 
 def checked_positions(
-    position: NDArray[np.float64],
-    offset: NDArray[np.float64],
+    position: F64,
+    offset: F64,
     axes: Sequence[AxisSettings],
     last: Sequence[int],
     period: float,
@@ -76,8 +77,8 @@ def checked_positions(
 
 
 def checked_velocities(
-    velocity: NDArray[np.float64],
-    offset: NDArray[np.float64],
+    velocity: F64,
+    offset: F64,
     axes: Sequence[AxisSettings],
     start: Sequence[float],
     period: float,
@@ -114,7 +115,7 @@ def checked_velocities(
     return _counts(velocity, axes, od.TARGET_VELOCITY), _force_counts(offset, axes, od.FORCE_OFFSET)
 
 
-def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
+def checked_forces(force: F64, axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
     """Checks forces (cst), then rounds them to the bus' integers.
 
     Args:
@@ -201,16 +202,14 @@ def beyond_travel(axis: AxisSettings, position: float, what: str) -> LimitError:
     return LimitError(f"{what} {side} the limit {limit:g} m", axis=axis.name, obj=ref)
 
 
-def _first_outside(position: NDArray[np.float64], axis: AxisSettings, margin: float) -> int | None:
+def _first_outside(position: F64, axis: AxisSettings, margin: float) -> int | None:
     """The first row outside the travel by more than `margin` [m]; None: there is none."""
     low, high = axis.travel
     outside = (position < low - margin) | (position > high + margin)
     return int(outside.argmax()) if outside.any() else None
 
 
-def _checked_shape(
-    values: NDArray[np.float64], offset: NDArray[np.float64], n: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked_shape(values: F64, offset: F64, n: int) -> tuple[F64, F64]:
     values = np.asarray(values, dtype=np.float64)
     offset = np.asarray(offset, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] != n or offset.shape != values.shape:
@@ -221,28 +220,22 @@ def _checked_shape(
     return values, offset
 
 
-def _counts(
-    values: NDArray[np.float64], axes: Sequence[AxisSettings], ref: od.ObjectRef
-) -> NDArray[np.int64]:
+def _counts(values: F64, axes: Sequence[AxisSettings], ref: od.ObjectRef) -> NDArray[np.int64]:
     """SI values [K, n] in the axes' units of an object."""
     return np.rint(values / np.array([unit(axis, ref) for axis in axes])).astype(np.int64)
 
 
-def _force_counts(
-    force: NDArray[np.float64], axes: Sequence[AxisSettings], ref: od.ObjectRef
-) -> NDArray[np.int64]:
+def _force_counts(force: F64, axes: Sequence[AxisSettings], ref: od.ObjectRef) -> NDArray[np.int64]:
     units = np.array([unit(axis, ref) for axis in axes])
     return np.clip(np.rint(force / units), -32768, 32767).astype(np.int64)
 
 
-def _check_finite(
-    values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef, unit: str
-) -> None:
+def _check_finite(values: F64, axis: AxisSettings, ref: od.ObjectRef, unit: str) -> None:
     _refuse(~np.isfinite(values), axis, ref, lambda row: f"{values[row]} {unit} is not finite")
 
 
 def _within(
-    values: NDArray[np.float64], limit: float, what: str, unit: str, axis: AxisSettings,
+    values: F64, limit: float, what: str, unit: str, axis: AxisSettings,
     ref: od.ObjectRef,
 ) -> None:  # fmt: skip
     exceeds = f"{unit} exceeds the {what} limit {limit:g} {unit}"
@@ -258,7 +251,7 @@ def _refuse(
         raise LimitError(f"row {row}: {why(row)}", axis=axis.name, obj=ref)
 
 
-def _ends_at_zero(values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef) -> None:
+def _ends_at_zero(values: F64, axis: AxisSettings, ref: od.ObjectRef) -> None:
     if len(values) and values[-1] != 0:
         raise LimitError(
             f"row {len(values) - 1}: the last setpoint must be 0, since none follows",

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, Mode, State, decode, next_controlword
-from drivers.errors import AxisFault, DriverError, NodeError
+from drivers.errors import AxisFault, DriverError, RefusedError
 from drivers.motion.fault_report import axis_fault
 from drivers.motion.standstill import wait_for_rest
 
@@ -127,9 +127,7 @@ class Power:
             self._cycle.exchange()
         try:
             self.set_mode(mode)
-        except NodeError as refused:
-            if refused.abort_code is None:
-                raise
+        except RefusedError:
             return False
         self.go(ready, channels)
         return True

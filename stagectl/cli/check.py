@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,20 +48,13 @@ def command(
     listed = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
     table = [_table(listed, node, label)] if listed else []
     counts = ", ".join(f"{sum(f.verdict is v for f in findings)} {v.value}" for v in Verdict)
-    show_result([_entry(f) for f in findings], json_out, *table, counts)
+    show_result([asdict(f) for f in findings], json_out, *table, counts)
     failed = [f for f in findings if f.verdict is Verdict.FAIL]
     if failed:
         raise StagectlError(
             f"node {node}: {len(failed)} of {len(findings)} checks failed, first: "
-            f"{failed[0].group}: {failed[0].name}: {failed[0].detail}"
+            f"{failed[0].group}: {failed[0].check}: {failed[0].detail}"
         )
-
-
-def _entry(finding: Finding) -> dict[str, Any]:
-    return {
-        "group": finding.group, "check": finding.name, "verdict": finding.verdict.value,
-        "detail": finding.detail,
-    }  # fmt: skip
 
 
 def _table(findings: list[Finding], node: int, label: str) -> Table:
@@ -76,7 +70,7 @@ def _table(findings: list[Finding], node: int, label: str) -> Table:
         if group and named:
             rows.append(None)
         verdict = Text(finding.verdict.value, colours.get(finding.verdict, "dim"))
-        rows.append((named, finding.name, verdict, finding.detail))
+        rows.append((named, finding.check, verdict, finding.detail))
         group = finding.group
     title = f"CiA 301 and CiA 402: node {node} on {label}"
     return make_table(title, ("group", "check", "verdict", "what the drive did"), rows)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -37,18 +38,11 @@ def command(bench: Bench, json_out: Path | None) -> None:
         statuses = [status_of(axis) for axis in axes]
         for axis in axes:
             axis.node.detach()
-    values = {s.axis: _entry(s) for s in statuses}
+    values = {}
+    for status in statuses:
+        entry = {**asdict(status), "state": str(status.state)}
+        values[entry.pop("axis")] = entry
     show_result(values, json_out, _table(statuses, bench.machine.name))
-
-
-def _entry(status: AxisStatus) -> dict[str, Any]:
-    return {
-        "node": status.node, "nmt": status.nmt, "statusword": status.statusword,
-        "state": str(status.state), "words": status.words, "mode": status.mode,
-        "position": status.position, "force": status.force, "error_code": status.error_code,
-        "error_register": status.error_register, "error_history": list(status.history),
-        "sto": status.sto, "brake": status.brake,
-    }  # fmt: skip
 
 
 def _table(statuses: list[AxisStatus], machine: str) -> Table:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 from canopen import SdoAbortedError
 
@@ -31,7 +31,7 @@ OTHER_HOST = 126
 STATE_TIMEOUT = 1.0
 
 
-class Verdict(Enum):
+class Verdict(StrEnum):
     """Result of a check."""
 
     PASS = "pass"  # noqa: S105  no password
@@ -45,12 +45,12 @@ class Finding:
     """One row of the table of results.
 
     Attributes:
-        group: of the check.  name: what was expected.  verdict: its result.
+        group: of the check.  check: what was expected.  verdict: its result.
         detail: what the drive did instead, empty if it passed.
     """
 
     group: str
-    name: str
+    check: str
     verdict: Verdict
     detail: str = ""
 

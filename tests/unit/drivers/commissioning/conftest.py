@@ -30,4 +30,4 @@ def machine():
 
 
 def failures(findings):
-    return {f.name for f in findings if f.verdict is not Verdict.PASS}
+    return {f.check for f in findings if f.verdict is not Verdict.PASS}

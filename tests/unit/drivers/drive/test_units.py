@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.drive.units import INCREMENT, check_units, read_unit
-from drivers.errors import ConfigurationError, NodeError
+from drivers.errors import ConfigurationError, NodeError, RefusedError
 from drivers.settings import AxisSettings
 
 PITCH = 0.032
@@ -29,7 +29,7 @@ class Drive:
 
     def read(self, ref):
         if not self.has(ref):
-            raise NodeError("read refused", axis="x", obj=ref, abort_code=0x06020000)
+            raise RefusedError("read refused", axis="x", obj=ref, abort_code=0x06020000)
         return self.objects[ref.index, ref.sub]
 
 
@@ -231,7 +231,7 @@ def test_a_reason_other_than_a_missing_object_counts_as_no_statement():
     class Refusing(Drive):
         def read(self, ref):
             if ref.index == 0x60A9:
-                raise NodeError("read refused", axis="x", obj=ref, abort_code=0x08000000)
+                raise RefusedError("read refused", axis="x", obj=ref, abort_code=0x08000000)
             return super().read(ref)
 
     drive = Refusing()

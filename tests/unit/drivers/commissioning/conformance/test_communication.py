@@ -25,7 +25,7 @@ def _abort(index, sub, code):
 def test_another_abort_code_differs_and_is_named(machine):
     with network(machine, _abort(0x1A00, 0, 0x08000000)) as (bus, _):
         findings = run(bus, 1, power=False)
-    (found,) = [f for f in findings if f.name == "mapping while the PDO is valid"]
+    (found,) = [f for f in findings if f.check == "mapping while the PDO is valid"]
     assert found.verdict is Verdict.DIFFERS
     assert "abort 0x08000000 (General error), not 0x06010000" in found.detail
     assert not [f for f in findings if f.verdict is Verdict.FAIL]

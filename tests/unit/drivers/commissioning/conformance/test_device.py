@@ -20,7 +20,7 @@ def test_a_drive_that_never_shows_quick_stop_active(machine):
     with network(machine, alter) as (bus, stage):
         stage.drives[0].dictionary.set_data(0x605A, 0, struct.pack("<h", 6))  # it stays there
         findings = run(bus, 1)
-    failed = {f.name: f.detail for f in findings if f.verdict is Verdict.FAIL}
+    failed = {f.check: f.detail for f in findings if f.verdict is Verdict.FAIL}
     assert any(n.startswith("transition 11:") for n in failed)
     assert all("0x0237 (OPERATION ENABLED)" in d for n, d in failed.items() if "11:" in n)
 
@@ -44,7 +44,7 @@ def test_a_drive_without_a_reaction_to_host_loss_cannot_be_brought_to_fault(mach
 
     with network(machine, alter) as (bus, _):
         findings = run(bus, 1)
-    by_name = {f.name: f for f in findings}
+    by_name = {f.check: f for f in findings}
     found = by_name["fault and its reset"]
     assert (found.group, found.verdict, found.detail) == (
         "fault", Verdict.ABSENT, "0x6007 or 0x1016",

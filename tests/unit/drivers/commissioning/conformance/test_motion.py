@@ -17,7 +17,7 @@ def test_a_drive_without_acknowledge_in_pp(machine):
 
     with network(machine, alter) as (bus, _):
         findings = run(bus, 1)
-    by_name = {f.name: f for f in findings}
+    by_name = {f.check: f for f in findings}
     assert by_name["bit 12 rises with bit 4"].verdict is Verdict.ABSENT
     assert by_name["bit 10: target reached"].verdict is Verdict.PASS
     assert by_name["bit 12: follows the command value"].verdict is Verdict.FAIL
