@@ -25,6 +25,7 @@ from estimation.observer.watch import (
     WATCHING,
     watch,
 )
+from stagedata import F64
 from stagedata.compiled import kernel
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
@@ -42,7 +43,6 @@ ROOM = 2.0
 LOST = 20
 """After so many periods without a row the estimate begins anew."""
 
-F64 = NDArray[np.float64]
 Records = NDArray[np.void]
 
 AXIS_DTYPE = np.dtype(

@@ -9,7 +9,6 @@ from .filing import (
 from .measured import measured_level, misfit_error
 from .opening import FILE_NAME, default_history, open_existing, open_history
 from .records import (
-    F64,
     Activation,
     AxisFriction,
     EstimateRecord,
@@ -33,7 +32,6 @@ from .temperature import (
 from .writer import HistoryWriter
 
 __all__ = [
-    "F64",
     "FILE_NAME",
     "Activation",
     "AxisFriction",

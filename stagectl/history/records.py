@@ -11,10 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 Pair = tuple[float, float]
 Purpose = Literal["production", "calibration"]
 

@@ -15,8 +15,9 @@ from typing import Any, Literal
 import numpy as np
 
 from stagectl.history.cells import date, figures, number, optional_number, place, reads, text
-from stagectl.history.records import F64, Measurement, Pair, StageKey, Trend
+from stagectl.history.records import Measurement, Pair, StageKey, Trend
 from stagectl.history.sql_maps import ESTIMATES, PLACES, SqlMaps
+from stagedata import F64
 
 FAR = 1e18  # beyond any time [s]; the databases have no common infinity
 

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from estimation.field import COMMON, KERNELS, SITES, FrictionField, SiteTracker, TrackingSettings
 from stagectl.errors import UnusableInput
-from stagectl.history import F64, History, Measurement, Pair, StageKey
+from stagectl.history import History, Measurement, Pair, StageKey
 from stagectl.maps.learning import limit_per_place
 from stagectl.maps.model import FrictionMap, MapAxis, MapSite
+from stagedata import F64
 
 LEAST_SITES = 4
 """Fewer places make no map."""

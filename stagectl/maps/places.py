@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from estimation.field import FrictionField, SiteTracker, TrackingSettings
@@ -21,8 +20,7 @@ from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
 from stagectl.maps.place_index import PlaceIndex
 from stagectl.sequencer import Expectation, LevelStepped
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 SITE_RADIUS = 2e-3
 """A move that ends within this distance of a site is a move to that site [m]."""

@@ -8,12 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 from markupsafe import Markup, escape
-from numpy.typing import NDArray
 
 from stagectl.report.render import script_json
 from stagectl.report.svg import thinned
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _POINTS = 900
 

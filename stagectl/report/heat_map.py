@@ -12,11 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from stagectl.report.svg import Frame, Scale, picture, text
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _LONGER, _SHORTER = 240.0, 80.0
 """Length of the longer side, and least length of the shorter one [px]."""

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _MOST_POINTS = 800
 _LETTER = 5.8

@@ -16,12 +16,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median_low
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from stagectl.report.run_outline import single_axis_moves, window_keys
 from stagectl.sequencer import arrival
-from stagedata import AxisSignals, Recording, aligned_demand
+from stagedata import F64, AxisSignals, Recording, aligned_demand
 
 BEFORE = 20  # samples shown before a move
 MAX_SAMPLES = 400_000  # of all moves together: about 10 MB of page
@@ -173,7 +170,7 @@ def _error(signals: AxisSignals, first: int, end: int, ratio: float) -> list[flo
 
 
 def _values(
-    values: npt.NDArray[np.float64], signals: AxisSignals, first: int, end: int, digits: int = 2
+    values: F64, signals: AxisSignals, first: int, end: int, digits: int = 2
 ) -> list[float | None]:
     """A slice as plain numbers; None for missed samples."""
     return [

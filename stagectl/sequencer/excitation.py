@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.recipe import Excite
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _TAPER = 0.1
 """Share of the duration over which the amplitude rises, and falls again."""

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
@@ -28,9 +27,7 @@ from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.samples.move_data import courses, prepare_move_data
 from stagectl.sequencer.streamer import StagePort, Streamer, Until
-from stagedata import Move, Samples
-
-F64 = NDArray[np.float64]
+from stagedata import F64, Move, Samples
 
 LEAST_VALID = 3
 """Fewer valid samples than this make no record to learn from."""

@@ -10,14 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.errors import RunFault
 from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
 from stagectl.sequencer.samples.sample_validity import mean_force, without_late
-from stagedata import Samples
+from stagedata import F64, Samples
 
-F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]
 
 FAULT_SAMPLES = 10

@@ -13,9 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stagedata import Samples
-
-F64 = NDArray[np.float64]
+from stagedata import F64, Samples
 
 SHORTEST = 0.1
 """Stretches that say anything [s]."""

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
 from stagectl.plain_text import find_control, one_line
+from stagedata import F64
 
 MAX_SAMPLES = 50_000_000
 """14 hours at 1 kHz; a larger declared size means a damaged file."""
@@ -151,7 +152,7 @@ def read_floats(
     part: slice = WHOLE,
     *,
     finite: bool = True,
-) -> npt.NDArray[np.float64]:
+) -> F64:
     """Samples of a signal, shape (n,); arguments as of `read_array`."""
     values = read_array(group, name, "fiu", MAX_SAMPLES, length, part)
     values = values.astype(np.float64, copy=False)

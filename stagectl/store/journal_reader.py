@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
 from stagectl.store.journal import MAGIC, AxisScaling, JournalHeader, locked_journal, sample_dtype
 from stagectl.store.journal_records import Records, Samples, fill_missing
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import RunNotes
-from stagedata import AxisSignals, Move, Recording
+from stagedata import F64, AxisSignals, Move, Recording
 
 KILLED = "killed"  # outcome of a run whose journal states none
 
@@ -191,7 +190,7 @@ def _recording(
 
 
 def _ledger(header: JournalHeader, samples: Samples) -> CycleLedger:
-    arrival: dict[str, npt.NDArray[np.float64]] = {}
+    arrival: dict[str, F64] = {}
     for i, axis in enumerate(header.axes):
         values = samples[f"arrival_{i}"] * 1e-9
         arrival[axis.name] = np.where(values < 0, np.nan, values)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from stagedata import F64
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CycleLedger:
@@ -27,11 +29,11 @@ class CycleLedger:
             only the arrivals bound it; None: unknown.
     """
 
-    arrival: Mapping[str, npt.NDArray[np.float64]]
+    arrival: Mapping[str, F64]
     late: npt.NDArray[np.bool_]
     extra: Mapping[str, npt.NDArray[np.uint8]] = field(default_factory=dict)
-    sync: npt.NDArray[np.float64] | None = None
-    doubt: npt.NDArray[np.float64] | None = None
+    sync: F64 | None = None
+    doubt: F64 | None = None
 
     @property
     def missed_per_cycle(self) -> npt.NDArray[np.uint8]:

@@ -12,11 +12,10 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.sequencer import MoveResult, MoveStatistics, statistics, summarise_moves
 from stagectl.store.ledger import CycleLedger
-from stagedata import Recording
+from stagedata import F64, Recording
 
 _SHARES = {"median": 50, "p99": 99, "max": 100}
 
@@ -68,7 +67,7 @@ def _punctuality(ledger: CycleLedger) -> dict[str, Any]:
     return figures
 
 
-def _spread(values: NDArray[np.float64]) -> dict[str, float | None]:
+def _spread(values: F64) -> dict[str, float | None]:
     return {
         name: round(float(np.percentile(values, share)), 9) if len(values) else None
         for name, share in _SHARES.items()

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from stagectl.history import History, StageKey, Trend
 from stagectl.maps.model import MapAxis, MapVersion
@@ -17,8 +16,8 @@ from stagectl.report.chart import Chart, Curve
 from stagectl.report.formats import place
 from stagectl.report.heat_map import HeatMap, common_limits, draw_heat_map
 from stagectl.store import write_atomically
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 MOST = 200
 """Points of a trend that are drawn at most, the last ones."""
 

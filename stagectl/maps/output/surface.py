@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stagectl.maps.model import MapAxis
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 CELLS = 36
 """Cells along each axis."""
 

@@ -11,15 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.axis_units import unit_on
 from sim2real.gap import Measured, Signals
 from sim2real.phases import MoveBlock, split_moves
-from stagedata import AxisSignals, BoolArray, aligned_demand
-
-F64 = NDArray[np.float64]
+from stagedata import F64, AxisSignals, BoolArray, aligned_demand
 
 _BEFORE = 30
 """Samples shown before a move."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
 from sim2real.axis_units import unit_on
@@ -22,9 +21,7 @@ from sim2real.phases import PHASES, REST, SETTLING, split_phases
 from stagectl.report.chart import Chart, Curve
 from stagectl.report.formats import digits
 from stagectl.report.outline import Table
-from stagedata import aligned_demand
-
-F64 = NDArray[np.float64]
+from stagedata import F64, aligned_demand
 
 _BINS = 40
 _MIN_SAMPLES = 8  # in a bin that is drawn

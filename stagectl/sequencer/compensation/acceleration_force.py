@@ -6,9 +6,6 @@ long move that the settling observer watched (`estimation.observer.feedforward_e
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from estimation.acceleration_feedforward import mass_feedforward
 from estimation.observer import (
     COUPLING,
@@ -20,8 +17,7 @@ from estimation.observer import (
     LearnedFeedforward,
 )
 from estimation.trajectory import Trajectory
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 REPORTED = (0.02, 1e-4, 0.01)
 """Changes of mass [1], lead [s] and coupling [1] above which the operator is told of them."""

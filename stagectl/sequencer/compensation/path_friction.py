@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
 from stagectl.sequencer.compensation.axis_compensation import AxisCompensation, AxisMotion, Learned
 from stagectl.sequencer.compensation.places import Places
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 class PathFriction:

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.online import Estimate
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 SAME_PLACE = 5e-3
 """Moves within this distance stay at their place [m]."""

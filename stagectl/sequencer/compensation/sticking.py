@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.observer import Design, sticks, without_presliding
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 class Sticking:

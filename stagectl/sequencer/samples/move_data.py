@@ -15,7 +15,6 @@ from estimation.move import MoveData
 from estimation.observer import Course
 from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers
 from stagectl.sequencer.samples.sample_validity import (
-    F64,
     bridged,
     filled_to_grid,
     is_gapless,
@@ -23,7 +22,7 @@ from stagectl.sequencer.samples.sample_validity import (
     without_stale,
     without_unpunctual,
 )
-from stagedata import Samples
+from stagedata import F64, Samples
 
 LEAST_SOUND = 0.9
 """With fewer valid samples than this share, there are no courses."""

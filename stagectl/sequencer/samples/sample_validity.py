@@ -13,10 +13,8 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stagedata import Samples
+from stagedata import F64, Samples
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 PUNCTUAL = 0.01
 """The instant of a sample must be known to this share of Ts."""
