@@ -5,7 +5,7 @@ Each is drawn from `sim2real.residuals`; if there are no data, a sentence says w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,8 +23,7 @@ from sim2real.residuals import (
 from stagectl.report.chart import Chart, Curve
 from stagectl.report.gap.traces import Panel
 from stagectl.report.heat_map import HeatMap, draw_heat_map, round_limit
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _SLOW = 0.12
 """Share of the highest speed that the picture of low speeds shows."""
@@ -48,86 +47,74 @@ class View:
 
 def draw_views(views: Sequence[ResidualViews]) -> list[tuple[str, View]]:
     """Key of each section in the template, and its pictures; nothing without views."""
-    if not views:
-        return []
-    return [
-        ("velocity", velocity_view(views)),
-        ("plane", plane_view(views)),
-        ("reversal", reversal_view(views)),
-        ("response", response_view(views)),
-    ]
+    drawers = {"velocity": velocity, "plane": plane, "reversal": reversal, "response": response}
+    return [(key, draw_view(draw, views)) for key, draw in drawers.items()] if views else []
 
 
-def velocity_view(views: Sequence[ResidualViews]) -> View:
+def draw_view(
+    draw: Callable[[ResidualViews], Iterable[Panel | str]], views: Sequence[ResidualViews]
+) -> View:
+    """The pictures that one of the functions below draws of every axis, and its sentences."""
+    drawn = [each for of_axis in views for each in draw(of_axis)]
+    panels = tuple(each for each in drawn if isinstance(each, Panel))
+    return View(panels, tuple(each for each in drawn if isinstance(each, str)))
+
+
+def velocity(of_axis: ResidualViews) -> Iterator[Panel | str]:
     """Mean residual force over velocity: all speeds, and low ones where the axis has crept."""
-    panels, missing = [], []
-    for of_axis in views:
-        if not of_axis.velocity:
-            missing.append(f"Axis {of_axis.axis} did not move long enough at any speed.")
-            continue
-        units = unit_on(of_axis.settings, "mm/s"), unit_on(of_axis.settings, "N")
-        panels.append(_velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds", units))
-        fastest = max(float(np.abs(m.velocity).max()) for m in of_axis.velocity)
-        slow = [_slower(means, _SLOW * fastest) for means in of_axis.velocity]
-        if all(len(means.velocity) >= _FEWEST_SLOW for means in slow):
-            panels.append(_velocity_panel(slow, f"Axis {of_axis.axis}: low speeds", units))
-    return View(tuple(panels), tuple(missing))
+    if not of_axis.velocity:
+        yield f"Axis {of_axis.axis} did not move long enough at any speed."
+        return
+    units = unit_on(of_axis.settings, "mm/s"), unit_on(of_axis.settings, "N")
+    yield _velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds", units)
+    fastest = max(float(np.abs(m.velocity).max()) for m in of_axis.velocity)
+    slow = [_slower(means, _SLOW * fastest) for means in of_axis.velocity]
+    if all(len(means.velocity) >= _FEWEST_SLOW for means in slow):
+        yield _velocity_panel(slow, f"Axis {of_axis.axis}: low speeds", units)
 
 
-def plane_view(views: Sequence[ResidualViews]) -> View:
+def plane(of_axis: ResidualViews) -> Iterator[Panel | str]:
     """Mean residual force over position and velocity; all pictures of an axis on one scale."""
-    panels, missing = [], []
-    for of_axis in views:
-        plane = of_axis.plane
-        if plane is None:
-            missing.append(f"Axis {of_axis.axis} did not move.")
-            continue
-        limit = round_limit(plane.mean["before"])
-        length, speed, force = (unit_on(of_axis.settings, u) for u in ("mm", "mm/s", "N"))
-        labels = (f"position [{length}]", f"velocity [{speed}]", force)
-        for model, values in plane.mean.items():
-            title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
-            picture = HeatMap(
-                1e3 * plane.positions, 1e3 * plane.velocities, values, (-limit, limit), labels,
-                title, is_plane=False, two_inks=True,
-            )  # fmt: skip
-            panels.append(Panel(title, draw_heat_map(picture)))
-    return View(tuple(panels), tuple(missing))
+    if of_axis.plane is None:
+        yield f"Axis {of_axis.axis} did not move."
+        return
+    found = of_axis.plane
+    limit = round_limit(found.mean["before"])
+    length, speed, force = (unit_on(of_axis.settings, u) for u in ("mm", "mm/s", "N"))
+    labels = (f"position [{length}]", f"velocity [{speed}]", force)
+    for model, values in found.mean.items():
+        title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
+        picture = HeatMap(
+            1e3 * found.positions, 1e3 * found.velocities, values, (-limit, limit), labels,
+            title, is_plane=False, two_inks=True,
+        )  # fmt: skip
+        yield Panel(title, draw_heat_map(picture))
 
 
-def reversal_view(views: Sequence[ResidualViews]) -> View:
+def reversal(of_axis: ResidualViews) -> Iterator[Panel | str]:
     """Force over position around reversals, measured and simulated."""
-    panels, missing = [], []
-    for of_axis in views:
-        if not of_axis.reversals:
-            missing.append(f"Axis {of_axis.axis}: too few samples around reversals.")
-        for loop in of_axis.reversals:
-            way = "forward, then back" if loop.direction > 0 else "backward, then forward"
-            turns = f"{loop.turns} reversal{'s' if loop.turns > 1 else ''}"
-            title = f"Axis {of_axis.axis}: {way} ({turns})"
-            panels.append(Panel(title, _reversal_picture(loop, of_axis.settings)))
-    return View(tuple(panels), tuple(missing))
+    if not of_axis.reversals:
+        yield f"Axis {of_axis.axis}: too few samples around reversals."
+    for loop in of_axis.reversals:
+        way = "forward, then back" if loop.direction > 0 else "backward, then forward"
+        turns = f"{loop.turns} reversal{'s' if loop.turns > 1 else ''}"
+        title = f"Axis {of_axis.axis}: {way} ({turns})"
+        yield Panel(title, _reversal_picture(loop, of_axis.settings))
 
 
-def response_view(views: Sequence[ResidualViews]) -> View:
+def response(of_axis: ResidualViews) -> Iterable[Panel | str]:
     """Frequency response from demand to position: magnitude and phase."""
-    panels, missing = [], []
-    for of_axis in views:
-        response = of_axis.response
-        if not of_axis.has_demand:
-            missing.append(
-                f"Axis {of_axis.axis}: forces are compared along its motion, without a demand."
-            )
-        elif response is None:
-            missing.append(f"Axis {of_axis.axis}: no recording is long enough (2.5 s).")
-        elif response.excited.sum() < 2:
-            missing.append(
-                f"Axis {of_axis.axis}: these moves excite no frequency enough. "
-                "stagectl gap excite writes a recipe with chirps, which do."
-            )
-        else:
-            panels += _response_panels(of_axis.axis, response)
-    return View(tuple(panels), tuple(missing))
+    found = of_axis.response
+    if not of_axis.has_demand:
+        return [f"Axis {of_axis.axis}: forces are compared along its motion, without a demand."]
+    if found is None:
+        return [f"Axis {of_axis.axis}: no recording is long enough (2.5 s)."]
+    if found.excited.sum() < 2:
+        return [
+            f"Axis {of_axis.axis}: these moves excite no frequency enough. "
+            "stagectl gap excite writes a recipe with chirps, which do."
+        ]
+    return _response_panels(of_axis.axis, found)
 
 
 def _slower(means: VelocityMeans, speed: float) -> VelocityMeans:

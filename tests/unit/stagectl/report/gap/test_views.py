@@ -10,7 +10,8 @@ from markupsafe import escape
 from sim2real.gap import compare_with_model
 from sim2real.residuals import view_residuals
 from stagectl.config import load_machine, stage_settings
-from stagectl.report.gap.views import plane_view, response_view, reversal_view, velocity_view
+from stagectl.report.gap import views
+from stagectl.report.gap.views import draw_view
 from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[4] / "data"
@@ -24,14 +25,14 @@ def seen():
 
 
 def test_each_picture_has_measured_before_and_after(seen):
-    velocity = velocity_view([seen])
+    velocity = draw_view(views.velocity, [seen])
     assert [p.title for p in velocity.panels] == ["Axis x: all speeds", "Axis x: low speeds"]
     for panel in velocity.panels:
         of = {curve.name: curve for curve in panel.picture.curves}
         assert {"before", "after"} <= set(of)
         assert all(of[name].low is not None for name in ("before", "after")), "bands"
-    assert len(plane_view([seen]).panels) == 2
-    for view in (reversal_view([seen]), response_view([seen])):
+    assert len(draw_view(views.plane, [seen]).panels) == 2
+    for view in (draw_view(views.reversal, [seen]), draw_view(views.response, [seen])):
         assert view.panels
         for panel in view.panels:
             assert {c.name for c in panel.picture.curves} == {"measured", "before", "after"}
@@ -41,11 +42,11 @@ def test_each_picture_has_measured_before_and_after(seen):
 def test_an_axis_that_turns_is_drawn_in_its_units(seen):
     turning = [replace(seen, settings=replace(seen.settings, rotary=True))]
     for draw, units in (
-        (velocity_view, ("[mrad/s]", "[N m]")),
-        (plane_view, ("[mrad]", "[mrad/s]", ">N m<")),
-        (reversal_view, ("[µrad]", "[N m]")),
+        (views.velocity, ("[mrad/s]", "[N m]")),
+        (views.plane, ("[mrad]", "[mrad/s]", ">N m<")),
+        (views.reversal, ("[µrad]", "[N m]")),
     ):
-        for panel in draw(turning).panels:
+        for panel in draw_view(draw, turning).panels:
             drawn = escape(panel.picture)
             assert all(unit in drawn for unit in units)
             assert "[mm" not in drawn
@@ -54,30 +55,35 @@ def test_an_axis_that_turns_is_drawn_in_its_units(seen):
 
 def test_empty_data_are_a_sentence(seen):
     still = replace(seen, velocity=(), plane=None, response=None, reversals=())
-    for draw in (velocity_view, plane_view, reversal_view, response_view):
-        view = draw([still])
+    for draw in (views.velocity, views.plane, views.reversal, views.response):
+        view = draw_view(draw, [still])
         assert view.panels == ()
         (sentence,) = view.missing
         assert sentence.startswith("Axis x")
-    assert "without a demand" in response_view([replace(still, has_demand=False)]).missing[0]
+    assert (
+        "without a demand"
+        in draw_view(views.response, [replace(still, has_demand=False)]).missing[0]
+    )
 
 
 def test_frequencies_that_are_not_excited_are_shaded_and_not_drawn(seen):
     response = seen.response
     none = replace(response, excited=np.zeros(len(response.frequency), dtype=bool))
-    (sentence,) = response_view([replace(seen, response=none)]).missing
+    (sentence,) = draw_view(views.response, [replace(seen, response=none)]).missing
     assert "gap excite" in sentence
     some = replace(response, excited=response.frequency < 50.0)
-    (magnitude, _) = response_view([replace(seen, response=some)]).panels
+    (magnitude, _) = draw_view(views.response, [replace(seen, response=some)]).panels
     assert magnitude.picture.shaded
     every = replace(response, excited=np.ones(len(response.frequency), dtype=bool))
-    (magnitude, _) = response_view([replace(seen, response=every)]).panels
+    (magnitude, _) = draw_view(views.response, [replace(seen, response=every)]).panels
     assert not magnitude.picture.shaded
 
 
 def test_speeds_that_did_not_occur_are_not_bridged(seen):
-    (panel, *_) = velocity_view([seen]).panels
+    (panel, *_) = draw_view(views.velocity, [seen]).panels
     forward = seen.velocity[-1]
     jumped = replace(forward, bins=forward.bins + 5 * (np.arange(len(forward.bins)) > 3))
-    (split, *_) = velocity_view([replace(seen, velocity=(*seen.velocity[:-1], jumped))]).panels
+    (split, *_) = draw_view(
+        views.velocity, [replace(seen, velocity=(*seen.velocity[:-1], jumped))]
+    ).panels
     assert len(split.picture.curves) == len(panel.picture.curves) + 2
