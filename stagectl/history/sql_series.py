@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -24,17 +23,6 @@ FAR = 1e18  # beyond any time [s]; the databases have no common infinity
 _ACCEPTED, _MEASURED = "e.accepted = 1", "e.measured IS NOT NULL"  # as in the indices
 _TREND = "e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run"
 _LEVEL = "e.time, e.measured, e.measured_sigma"
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """Which rows of a series: see `SqlSeries.trend`; `after` compares with `since`."""
-
-    after: Literal[">", ">="]
-    since: float
-    until: float
-    last: int | None
-    apart: float
 
 
 class SqlSeries(SqlMaps):
@@ -66,8 +54,6 @@ class SqlSeries(SqlMaps):
         stage: StageKey,
         axis: str,
         place: Pair,
-        since: float = -math.inf,
-        until: float = math.inf,
         last: int | None = None,
         apart: float = 0.0,
     ) -> Trend:
@@ -77,8 +63,6 @@ class SqlSeries(SqlMaps):
             stage: whose.
             axis: its name.
             place: [m].
-            since: nothing earlier [s since 1970].
-            until: nothing later.
             last: at most this many, the last ones.
             apart: least time between two of them, counted back from the last one [s].
         """
@@ -87,8 +71,7 @@ class SqlSeries(SqlMaps):
         if not numbers:
             return _trend([])
         key = (int(numbers[0][0]), axis)
-        # An estimate written just now may be at `since`, not after it.
-        return _trend(self._series(_TREND, _ACCEPTED, key, _Part(">=", since, until, last, apart)))
+        return _trend(self._series(_TREND, _ACCEPTED, key, (-FAR, FAR), last, apart))
 
     @reads
     def measurements(
@@ -108,41 +91,44 @@ class SqlSeries(SqlMaps):
             each: at most this many of every place and axis, the last ones.
             apart: as in `trend`.
         """
+        within = (max(since, -FAR), min(until, FAR))
         if each is None and not apart:
             select = f"SELECT e.axis, p.x_um, p.y_um, {_LEVEL} {ESTIMATES}"
             between = f"AND {_MEASURED} AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id"
-            times = (max(since, -FAR), min(until, FAR))
-            rows = self._of_stage(stage, select, between, *times)
+            rows = self._of_stage(stage, select, between, *within)
             return [_measurement(*row) for row in rows]
         select = f"SELECT p.id, a.axis, p.x_um, p.y_um {PLACES}"
         axes = "JOIN stage_axis a ON a.stage = s.id"
         keys = self._of_stage(stage, f"{select} {axes}", "ORDER BY p.id, a.axis")
-        part = _Part(">", since, until, each, apart)
         found = [
             _measurement(axis, x, y, *row)
             for number, axis, x, y in keys
-            for row in self._series(_LEVEL, _MEASURED, (number, axis), part)
+            for row in self._series(_LEVEL, _MEASURED, (number, axis), within, each, apart)
         ]
         return sorted(found, key=lambda entry: entry.time)
 
     def _series(
-        self, columns: str, which: str, key: tuple[int, str], part: _Part
+        self,
+        columns: str,
+        which: str,
+        key: tuple[int, str],
+        within: tuple[float, float],
+        last: int | None,
+        apart: float,
     ) -> list[tuple[Any, ...]]:
-        """Part of the rows of one place and axis, in order of time."""
+        """The rows of one place and axis after and until the times `within`, in order of time."""
         mine = f"e.place = ? AND e.axis = ? AND {which}"
-        after, last = part.after, part.last
-        within = (max(part.since, -FAR), min(part.until, FAR))
-        if not part.apart:
+        if not apart:
             limit = "" if last is None else f" DESC LIMIT {int(last)}"
             rows = self._database.execute(
                 f"SELECT {columns} FROM estimate e WHERE {mine} "  # noqa: S608
-                f"AND e.time {after} ? AND e.time <= ? ORDER BY e.time{limit}",
+                f"AND e.time > ? AND e.time <= ? ORDER BY e.time{limit}",
                 (*key, *within),
             )
             return rows if last is None else rows[::-1]
         # One index look-up per row.
         before = (
-            f"SELECT e.time FROM estimate e WHERE {mine} AND e.time {after} ? "  # noqa: S608
+            f"SELECT e.time FROM estimate e WHERE {mine} AND e.time > ? "  # noqa: S608
             "AND e.time <= {} ORDER BY e.time DESC LIMIT 1"
         )
         return self._database.execute(
@@ -151,7 +137,7 @@ class SqlSeries(SqlMaps):
             "WHERE n < ? AND back.time IS NOT NULL) "
             f"SELECT {columns} FROM back JOIN estimate e ON {mine} AND e.time = back.time "
             "ORDER BY e.time",
-            (*key, *within, *key, within[0], part.apart, last or 1_000_000, *key),
+            (*key, *within, *key, within[0], apart, last or 1_000_000, *key),
         )
 
 

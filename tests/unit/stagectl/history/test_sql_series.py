@@ -45,7 +45,6 @@ def test_series_are_thinned_backwards_from_the_last_estimate(where, opened, a_ru
     assert trend(last=3) == [9, 10, 11]
     assert trend(apart=40.0) == [3, 7, 11]
     assert trend(apart=40.0, last=2) == [7, 11]
-    assert trend(apart=30.0, until=BEGIN + 100.0, since=BEGIN + 30.0) == [3, 7, 10]
     measured = history.measurements(STAGE, each=2)
     assert [m.time for m in measured] == sorted(m.time for m in measured)
     assert {(m.axis, m.place, m.value) for m in measured} == {
@@ -53,6 +52,8 @@ def test_series_are_thinned_backwards_from_the_last_estimate(where, opened, a_ru
     }
     far = history.measurements(STAGE, each=9, apart=50.0)
     assert [m.value - 6.0 for m in far] == [5.0] * 4 + [11.0] * 4
+    part = history.measurements(STAGE, BEGIN + 30.0, BEGIN + 100.0, each=9, apart=30.0)
+    assert [m.value - 6.0 for m in part] == [4.0] * 4 + [7.0] * 4 + [10.0] * 4
     assert history.measurements(STAGE, since=BEGIN + 95.0, each=9) == history.measurements(
         STAGE, since=BEGIN + 95.0
     )
