@@ -64,6 +64,7 @@ class Dictionary:
         path: of the EDS.
 
     Attributes:
+        object_dictionary: the objects, with types and access; canopen's SdoServer reads it.
         values: the process image, decoded values by key.
         live: by key, a function that returns the present value; takes precedence over `values`.
         check: by key, called with a new value before it is stored; may raise `SdoAbortedError`.
@@ -78,9 +79,9 @@ class Dictionary:
     def __init__(
         self, node_id: int, parameters: dict[int, Value] | None = None, path: Path = EDS_PATH
     ) -> None:
-        self.objects = load_eds(path, node_id)
+        self.object_dictionary = load_eds(path, node_id)
         self.variables: dict[int, ODVariable] = {}
-        for entry in self.objects.values():
+        for entry in self.object_dictionary.values():
             members = [entry] if isinstance(entry, ODVariable) else entry.values()
             for variable in members:
                 self.variables[key(variable.index, variable.subindex)] = variable
@@ -98,12 +99,6 @@ class Dictionary:
         self.on_write: dict[int, Callable[[int], None]] = {}
         self.act_last: tuple[int, ...] = ()
         self.reset_all()
-
-    # canopen's SdoServer reads this attribute of its node.
-    @property
-    def object_dictionary(self) -> ObjectDictionary:
-        """The objects, with types and access."""
-        return self.objects
 
     def reset_all(self) -> None:
         """Set every value to its power-on value."""
@@ -179,6 +174,8 @@ class Dictionary:
         variable = self.variables.get(key(index, subindex))
         if variable is None:
             raise SdoAbortedError(
-                abort.ABORT_NO_SUBINDEX if index in self.objects else abort.ABORT_NOT_IN_OD
+                abort.ABORT_NO_SUBINDEX
+                if index in self.object_dictionary
+                else abort.ABORT_NOT_IN_OD
             )
         return variable

@@ -59,7 +59,7 @@ class Emergency:
         self._segment = segment
         self._can_send = can_send
         self._present: list[int] = []
-        dictionary.check[_HISTORY] = self._check_clear
+        dictionary.check[_HISTORY] = lambda value: require(not value)
         dictionary.on_write[_HISTORY] = lambda _: self.clear_history()
         dictionary.check[_COB_ID] = self._check_cob
         for n in range(1, _HISTORY_LENGTH + 1):
@@ -114,9 +114,6 @@ class Emergency:
         cob = self._dictionary.integer(_COB_ID)
         if self._can_send() and not cob >> 31:
             self._segment.emit(cob & 0x7FF, _EMCY.pack(code, register))
-
-    def _check_clear(self, value: int) -> None:
-        require(not value)
 
     def _read_history(self, number: int) -> int:
         require(number <= self._dictionary.integer(_HISTORY), abort.ABORT_NO_DATA_AVAILABLE)

@@ -58,7 +58,7 @@ class Pdo:
         self.codec = struct.Struct("<")
         check = dictionary.check
         check[self.cob_key] = self._check_cob
-        check[self.type_key] = self._check_type
+        check[self.type_key] = lambda value: require(value in _SYNCHRONOUS or value in EVENT)
         check[key(mapping, 0)] = self._check_count
         for sub in _ENTRIES:
             check[key(mapping, sub)] = self._check_entry
@@ -92,9 +92,6 @@ class Pdo:
         require(not self.exists() or value & _INVALID or not changed & ~_NO_RTR)
         require(not value & _EXTENDED and identifier <= 0x7FF)
         require(value & _INVALID or not _is_restricted(identifier))
-
-    def _check_type(self, value: int) -> None:
-        require(value in _SYNCHRONOUS or value in EVENT)
 
     def _check_entry(self, value: int) -> None:
         count = self.dictionary.integer(key(self.mapping, 0))

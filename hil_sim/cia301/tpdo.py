@@ -30,7 +30,7 @@ class Tpdo(Pdo):
         self._segment = segment
         self._inhibit_key = key(0x1800 + number, 3)
         self._event_key = key(0x1800 + number, 5)
-        dictionary.check[self._inhibit_key] = self._check_inhibit
+        dictionary.check[self._inhibit_key] = lambda _: require(not self.exists())
         self.sample: Callable[[], bytes] = bytes
         self._sync_count = 0
         self._last: bytes | None = None
@@ -91,9 +91,6 @@ class Tpdo(Pdo):
         period_ns = self.dictionary.integer(self._event_key) * 1_000_000
         if period_ns:
             self._timer = self._segment.at(now + period_ns, self._send_event)
-
-    def _check_inhibit(self, value: int) -> None:
-        require(not self.exists())
 
 
 def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:

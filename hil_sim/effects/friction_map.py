@@ -3,13 +3,11 @@
 from math import erf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import FRICTION_FACTOR, Effect, EffectPorts, Values, shape, size
 from hil_sim.effects.ports import POSITION_MARGIN
 from hil_sim.settings import AxisSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 WAVES = 300
 NODE_STEP = 2e-3

@@ -18,11 +18,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 POSITION_STEP = 1e-4
 """Node distance of tables over position [m]."""
@@ -122,6 +120,25 @@ class EffectPorts:
         self.coupled_mass = 0.0
         self._sync_period = sync_period
         self._duration = duration
+
+    @classmethod
+    def filled(
+        cls, axis: AxisSettings, sync_period: float, duration: float | None, start: float = 0.0
+    ) -> EffectPorts:
+        """The ports of an axis as all its effects fill them; arguments as above.
+
+        Raises:
+            ValueError: naming effect and key.
+        """
+        ports = cls(axis, sync_period, duration, start)
+        for effect in axis.effects:
+            effect.apply(ports)
+        return ports
+
+    @property
+    def involves_another(self) -> bool:
+        """Whether the other axis takes part: this one cannot be simulated alone."""
+        return bool(self.coupled_mass or self.fields)
 
     # Nodes of tables -------------------------------------------------------------------------
 
@@ -273,11 +290,12 @@ class EffectPorts:
             return 0.0
         return float(np.interp(position, self.positions, self.misreading))
 
-    def check(self, step: float) -> None:
+    def check(self, step: float, axes: int) -> None:
         """Check that the effects leave a plant that can be simulated.
 
         Args:
             step: of the integration [s].
+            axes: of the stage.
 
         Raises:
             ValueError: naming the cause.
@@ -297,6 +315,8 @@ class EffectPorts:
             raise ValueError(f"effects leave a static_ratio of {self.static_ratio:g}")
         if not 0.0 <= self.delay <= MOST_DELAY:
             raise ValueError(f"effects leave a dead time of {self.delay:g} s")
+        if self.involves_another and axes != 2:
+            raise ValueError("an effect that involves the other axis needs a stage of two")
 
 
 def _fits(values: F64, nodes: F64) -> F64:

@@ -20,48 +20,24 @@ from hil_sim.plant.friction.gms import element_shares
 from hil_sim.plant.friction.laws import NUMBERS, rest_forces
 from hil_sim.plant.ports.current_loop import write_coarse_weights
 from hil_sim.plant.ports.port_arrays import build_ports, write_coupling, write_ports
-from hil_sim.plant.ports.records import PORT_FIELDS, PORT_STATE_FIELDS, Arena
+from hil_sim.plant.ports.records import PORT_FIELDS, PORT_STATE_FIELDS, Arena, of_type
 from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
+from stagedata import F64
 
-F64 = NDArray[np.float64]
-
+_FIGURES = (
+    "mass", "viscous", "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape",
+    "stribeck_end", "element_stiffness", "relaxation_rate", "increment", "noise", "wander",
+    "wander_keep", "current_gain",
+)  # fmt: skip
 _PLANT = np.dtype(
-    [
-        ("mass", "f8"),
-        ("viscous", "f8"),
-        ("coulomb", "f8"),
-        ("static_ratio", "f8"),
-        ("stribeck_velocity", "f8"),
-        ("stribeck_shape", "f8"),
-        ("stribeck_end", "f8"),
-        ("element_stiffness", "f8"),
-        ("relaxation_rate", "f8"),
-        ("law", "i8"),
-        ("elements", "i8"),
-        ("first_element", "i8"),
-        ("increment", "f8"),
-        ("noise", "f8"),
-        ("wander", "f8"),
-        ("wander_keep", "f8"),
-        ("current_gain", "f8"),
-        *PORT_FIELDS,
-    ],
+    [*of_type("f8", *_FIGURES), *of_type("i8", "law", "elements", "first_element"), *PORT_FIELDS],
     align=True,
 )
-_STATE = np.dtype(
-    [
-        ("position", "f8"),
-        ("velocity", "f8"),
-        ("motor_force", "f8"),
-        ("friction", "f8"),
-        ("direction", "f8"),
-        ("wander", "f8"),
-        ("encoder", "f8"),
-        ("speed", "f8"),
-        ("worst_error", "f8"),
-        *PORT_STATE_FIELDS,
-    ]
-)
+_STATE_FIGURES = (
+    "position", "velocity", "motor_force", "friction", "direction", "wander", "encoder", "speed",
+    "worst_error",
+)  # fmt: skip
+_STATE = np.dtype([*of_type("f8", *_STATE_FIGURES), *PORT_STATE_FIELDS])
 
 
 Record = NDArray[np.void]
@@ -234,7 +210,3 @@ class Arrays:
         """Where the friction elements of axis a are in the arrays of all axes."""
         first = int(self.plant[a]["first_element"])
         return slice(first, first + int(self.plant[a]["elements"]))
-
-    def restart_clock(self) -> None:
-        """Make now t = 0 for everything that depends on time."""
-        self.state["clock"] = 0

@@ -24,33 +24,24 @@ CONTROL_DTYPE = np.dtype(
     ],
     align=True,
 )
-CONTROL_STATE_DTYPE = np.dtype(
-    [
-        ("powered", "?"),
-        ("open", "?"),
-        ("demand", "f8"),
-        ("offset", "f8"),
-        ("from_position", "f8"),
-        ("to_position", "f8"),
-        ("from_force", "f8"),
-        ("to_force", "f8"),
-        ("ramp_ticks", "i8"),
-        ("ramp_done", "i8"),
-        ("integral", "f8"),
-        ("derivative", "f8"),
-        ("last_error", "f8"),
-        ("output", "f8"),
-        ("reading", "f8"),
-        ("reading_before", "f8"),
-        ("last_demand", "f8"),
-    ],
-    align=True,
-)
-
 HELD_AT_POSITION = (
     "demand", "from_position", "to_position", "reading", "reading_before", "last_demand",
 )  # fmt: skip
 """Fields of the state that are set to the encoder's reading when the loop is closed."""
+_FORCES = (
+    "offset", "from_force", "to_force", "integral", "derivative", "last_error", "output",
+)  # fmt: skip
+_RAMP = ("ramp_ticks", "ramp_done")
+SET_TO_ZERO = (*_FORCES, *_RAMP)
+"""Fields that are set to 0 then."""
+CONTROL_STATE_DTYPE = np.dtype(
+    [
+        *((name, "?") for name in ("powered", "open")),
+        *((name, "f8") for name in (*HELD_AT_POSITION, *_FORCES)),
+        *((name, "i8") for name in _RAMP),
+    ],
+    align=True,
+)
 
 
 @kernel()

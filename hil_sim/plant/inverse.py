@@ -13,7 +13,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.friction.gms import Slip, slide
@@ -28,9 +27,8 @@ from hil_sim.plant.ports.disturbances import (
     swing,
 )
 from hil_sim.settings import AxisSettings, StageSettings
+from stagedata import F64
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 _MOST = 0.999
 """Largest share of a saturating motor's limit that is inverted."""
@@ -64,7 +62,7 @@ def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: b
     force = np.empty_like(position)
     if len(force):
         arrays = Arrays(settings, position[0].tolist(), len(position) * settings.sync_period)
-        if alone and any(ports.coupled_mass or ports.fields for ports in arrays.ports):
+        if alone and any(ports.involves_another for ports in arrays.ports):
             raise ValueError("a variant has an effect that involves another axis")
         arrays.state["velocity"] = velocity[0]
         coupled = np.array([ports.coupled_mass for ports in arrays.ports])

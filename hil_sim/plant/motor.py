@@ -14,7 +14,6 @@ from hil_sim.ports import PlantPort
 from hil_sim.quirks import OddOffset
 from hil_sim.settings import AxisSettings, StageSettings
 
-F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 

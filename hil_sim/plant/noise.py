@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 class Noise:

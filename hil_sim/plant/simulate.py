@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.mechanics import run_demands
 from hil_sim.plant.noise import Noise
 from hil_sim.settings import SUBSTEPS, StageSettings
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 _BLOCK = 8192  # SYNC periods simulated at once
 
 
@@ -147,13 +146,10 @@ class Simulation:
 
 def needs_all_axes(settings: StageSettings) -> bool:
     """Whether an effect couples the axes, so that none can be simulated alone."""
-    for axis in settings.axes:
-        ports = EffectPorts(axis, settings.sync_period, 0.0)
-        for effect in axis.effects:
-            effect.apply(ports)
-        if ports.coupled_mass != 0.0 or ports.fields:
-            return True
-    return False
+    return any(
+        EffectPorts.filled(axis, settings.sync_period, 0.0).involves_another
+        for axis in settings.axes
+    )
 
 
 def simulate_variants(
@@ -162,7 +158,6 @@ def simulate_variants(
     offset: F64,
     rest_force: float = 0.0,
     *,
-    level: F64 | None = None,
     substeps: int = 1,
     rounded: bool = True,
 ) -> Response:
@@ -176,7 +171,6 @@ def simulate_variants(
         demand: target position for SYNC k [m], float64[K].
         offset: force offset for SYNC k [N], float64[K].
         rest_force: motor force in the initial rest [N], as in `simulate`.
-        level: factor on Fc at each SYNC, float64[K] or float64[K, variants]; default 1.
         substeps: as in `simulate`; coarse by default.
         rounded: as in `simulate`.
 
@@ -190,15 +184,12 @@ def simulate_variants(
         raise ValueError("variants of one axis cannot have effects that involve another one")
     count = len(variants.axes)
     shape = (len(demand), count)
-    if level is not None:
-        level = np.broadcast_to(level.reshape(len(level), -1), shape)
     return simulate(
         variants,
         np.broadcast_to(np.asarray(demand)[:, None], shape),
         np.broadcast_to(np.asarray(offset)[:, None], shape),
         None,
         [rest_force] * count,
-        level=level,
         substeps=substeps,
         rounded=rounded,
     )

@@ -6,16 +6,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.control import HELD_AT_POSITION
+from hil_sim.plant.control import HELD_AT_POSITION, SET_TO_ZERO
 from hil_sim.plant.mechanics import step
 from hil_sim.plant.noise import Noise
 from hil_sim.settings import StageSettings
 from stagedata.compiled import machine_code
-
-F64 = NDArray[np.float64]
 
 _NOISE_BLOCK = 4096  # control ticks of noise drawn at once
 _COUNTS, _FORCE, _VELOCITY = 0, 1, 3  # of a report
@@ -113,10 +110,7 @@ class Plant:
         reading = float(self._arrays.state[axis]["encoder"])
         for name in HELD_AT_POSITION:
             loop[name] = reading
-        for name in (
-            "offset", "from_force", "to_force", "integral", "derivative", "last_error", "output",
-            "ramp_ticks", "ramp_done",
-        ):  # fmt: skip
+        for name in SET_TO_ZERO:
             loop[name] = 0
         loop["powered"], loop["open"] = on, False
         self._orders[axis] = (0.0, 0.0, 0.0, 0.0, 1.0)
@@ -136,7 +130,7 @@ class Plant:
         """Set t = 0 for effects that depend on time; once after power-on, for all axes."""
         if not self._clock_runs:
             self._clock_runs = True
-            self._arrays.restart_clock()
+            self._arrays.state["clock"] = 0
 
     def encoder(self, axis: int) -> int:
         """Encoder counts at the time advanced to, from true zero."""

@@ -330,7 +330,4 @@ def without_effect(model: AxisModel, index: int, axis: AxisSettings) -> AxisMode
 
 
 def _constant_force(model: AxisModel, axis: AxisSettings) -> float:
-    ports = EffectPorts(axis, _PERIOD, _PERIOD)
-    for effect in model.settings(axis).effects:
-        effect.apply(ports)
-    return ports.force
+    return EffectPorts.filled(model.settings(axis), _PERIOD, _PERIOD).force

@@ -66,12 +66,8 @@ def effect_inputs(
         start: of the recording, on the clock of effects that fade with time [s].
     """
     period, duration = float(time[1] - time[0]), float(time[-1])
-    plain = EffectPorts(axis, period, duration, start)
-    for effect in axis.effects:
-        effect.apply(plain)
-    ports = EffectPorts(axis, period, duration, start)
-    for effect in with_effects(axis, (term,)).effects:
-        effect.apply(ports)
+    plain = EffectPorts.filled(axis, period, duration, start)
+    ports = EffectPorts.filled(with_effects(axis, (term,)), period, duration, start)
     if any(getattr(ports, name) != getattr(plain, name) for name in _SIMULATED):
         return None
     force = _resisting_force(plain, track, time) - _resisting_force(ports, track, time)

@@ -201,9 +201,7 @@ def _sampling(motion: Motion, name: str) -> F64:
 
 def _coulomb_level(axis: AxisSettings, sync_period: float, places: F64) -> F64:
     """Coulomb force of the model at the nodes, float64[PLACES] [N]."""
-    ports = EffectPorts(axis, sync_period, 0.0)
-    for effect in axis.effects:
-        effect.apply(ports)
+    ports = EffectPorts.filled(axis, sync_period, 0.0)
     level = np.full(len(places), axis.friction.coulomb * ports.coulomb)
     if ports.position_coulomb is not None:
         level = level * np.interp(places, ports.positions, ports.position_coulomb)

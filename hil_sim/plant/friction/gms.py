@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagedata import F64
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 
 def element_shares(count: int) -> F64:

@@ -12,12 +12,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant.friction.gms import balance
-from stagedata import FrictionFigures, LawName
-
-F64 = NDArray[np.float64]
+from stagedata import F64, FrictionFigures, LawName
 
 GMS, COULOMB = range(2)
 NUMBERS: Mapping[LawName, int] = {"gms": GMS, "coulomb": COULOMB}

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.ports.records import Arena
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 def write_delay(

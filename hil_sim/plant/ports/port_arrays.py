@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts, Oscillator
 from hil_sim.plant.ports.current_loop import decay_of, write_delay
 from hil_sim.plant.ports.records import LISTS, TABLES, Arena
 from hil_sim.settings import SUBSTEPS, StageSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _FIGURES = (
     "mass", "viscous", "static_ratio", "coulomb_forward", "coulomb_backward", "force", "spring",
@@ -37,14 +35,10 @@ def build_ports(
     """
     ports = []
     for axis in settings.axes:
-        own = EffectPorts(axis, settings.sync_period, duration, settings.start)
         try:
-            for effect in axis.effects:
-                effect.apply(own)
+            own = EffectPorts.filled(axis, settings.sync_period, duration, settings.start)
             if axis.effects:
-                own.check(settings.control_period / substeps)
-            if (own.coupled_mass or own.fields) and len(settings.axes) != 2:
-                raise ValueError("an effect that involves the other axis needs a stage of two")
+                own.check(settings.control_period / substeps, len(settings.axes))
         except ValueError as error:
             raise ValueError(f"axis {axis.name}: {error}") from error
         ports.append(own)

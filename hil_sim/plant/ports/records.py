@@ -10,9 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
+
+
+def of_type(kind: str, *names: str) -> list[tuple[str, str]]:
+    """Fields of one type of a record."""
+    return [(name, kind) for name in names]
+
 
 TABLES = (
     "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
@@ -24,28 +29,12 @@ PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
     ("on_load", "?"),  # the encoder is on the part that hangs from the carriage
     ("coupled", "?"),  # the axes are solved jointly
-    ("gain", "f8"),
-    ("saturation", "f8"),
-    ("coulomb_forward", "f8"),
-    ("coulomb_backward", "f8"),
-    ("force", "f8"),
-    ("spring", "f8"),
+    *of_type("f8", "gain", "saturation", "coulomb_forward", "coulomb_backward", "force", "spring"),
     ("mobility", "f8"),  # relative acceleration per force on the carriage [1/kg]
-    ("table_low", "f8"),
-    ("table_inverse", "f8"),
-    ("table_count", "i8"),
-    ("velocity_scale", "f8"),
-    ("velocity_nodes", "i8"),
-    ("motor_scale", "f8"),
-    ("time_inverse", "f8"),
-    ("time_count", "i8"),
-    *((name, "i8") for name in (*TABLES, *LISTS)),
-    *((f"{name}_count", "i8") for name in LISTS),
-    ("history", "i8"),
-    ("history_depth", "i8"),
-    ("delay_ticks", "i8"),
-    ("delay_share", "i8"),
-    ("coupling", "i8"),
+    *of_type("f8", "table_low", "table_inverse", "velocity_scale", "motor_scale", "time_inverse"),
+    *of_type("i8", "table_count", "velocity_nodes", "time_count", *TABLES, *LISTS),
+    *of_type("i8", *(f"{name}_count" for name in LISTS)),
+    *of_type("i8", "history", "history_depth", "delay_ticks", "delay_share", "coupling"),
     # weights of a coarse step: `current_loop`
     *((f"{of}_{force}", "f8") for of in ("end", "mean", "early") for force in ("old", "start")),
     ("coarse_share", "f8"),

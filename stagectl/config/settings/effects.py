@@ -96,13 +96,9 @@ def _describe(parameter: Parameter) -> str:
 
 def _refusal(settings: AxisSettings, machine: Machine) -> str | None:
     """Why the simulator refuses the effects of this axis, or None."""
-    ports = EffectPorts(settings, machine.bus.sync_period, _TRIAL)
     try:
-        for effect in settings.effects:
-            effect.apply(ports)
-        ports.check(settings.control.period / SUBSTEPS)
+        ports = EffectPorts.filled(settings, machine.bus.sync_period, _TRIAL)
+        ports.check(settings.control.period / SUBSTEPS, len(machine.axes))
     except ValueError as error:
         return str(error)
-    if (ports.coupled_mass or ports.fields) and len(machine.axes) != 2:
-        return "an effect that involves the other axis needs a stage of two"
     return None
