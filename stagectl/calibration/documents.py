@@ -20,7 +20,7 @@ from stagectl.history import StageKey
 from stagectl.recipe import Pair
 from stagectl.report import friction_map_used
 from stagectl.run import document_paths, is_calibration, rewrite_documents
-from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recording_in
+from stagectl.store import RECORDING_NAME, RunNotes, read_notes, reading_events, recording_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +44,10 @@ def read_calibration(path: Path) -> RecordedCalibration:
         UnusableInput: the run was not a calibration, or is of an older version.
     """
     notes = read_notes(path)
-    run = next((e for e in notes.events if e.get("event") == "run"), None)
-    if run is None or not run.get("sites"):
+    run = notes.last("run")
+    if not run.get("sites"):
         raise UnusableInput(f"{path}: not a calibration, or one of an older version")
-    try:
+    with reading_events(path):
         sites = tuple((float(x), float(y)) for x, y in run["sites"])
         before: tuple[dict[str, Any], ...] = ()
         if run["resumed"] is not None:
@@ -55,8 +55,6 @@ def read_calibration(path: Path) -> RecordedCalibration:
             if (earlier / RECORDING_NAME).exists():  # it may have been deleted
                 before = read_calibration(earlier / RECORDING_NAME).friction
         return RecordedCalibration(sites, (*before, *_friction(notes)))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
 
 
 def _friction(notes: RunNotes) -> list[dict[str, Any]]:
@@ -69,8 +67,7 @@ def _friction(notes: RunNotes) -> list[dict[str, Any]]:
                 for name, pair in event["parameters"].items()
             },
         }
-        for event in notes.events
-        if event["event"] == "friction"
+        for event in notes.all("friction")
     ]  # fmt: skip
 
 
@@ -117,5 +114,5 @@ def _recorded_report(path: Path, summary: dict[str, Any]) -> CalibrationReport:
         None,
         None,
         is_from_recording=True,
-        notices=[e["text"] for e in notes.events if e["event"] == "limitation"],
+        notices=[e["text"] for e in notes.all("limitation")],
     )

@@ -17,10 +17,10 @@ from estimation.trajectory import plan as motion
 from stagectl.calibration.sequence import REST, SiteSequence
 from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.errors import UnusableInput
-from stagectl.history import History, Pair, StageKey, StepRecord, Wear, open_existing
+from stagectl.history import History, Pair, StageKey, StepRecord, Wear, existing_history
 from stagectl.maps import LEAST_SITES, SITE_RADIUS, PlaceIndex, TrackedPlaces, load_active
 from stagectl.recipe import Recipe
-from stagectl.run import RunRequest, start_time
+from stagectl.run import RunRequest, stage_key, start_time
 
 NEVER = "never calibrated"
 
@@ -141,21 +141,16 @@ def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
     Raises:
         StagectlError: the history cannot be used, or its active map does not fit.
     """
-    machine = request.machine
-    history = open_existing(str(request.history))
-    if history is None:
-        return [DueSite(site, (NEVER,), math.inf) for site in calibration.recipe.sites]
-    try:
-        stage = StageKey(machine.name, request.truth is not None)
+    machine, sites, stage = request.machine, calibration.recipe.sites, stage_key(request)
+    with existing_history(request.history) as history:
+        if history is None:
+            return [DueSite(site, (NEVER,), math.inf) for site in sites]
         now = start_time(history, request)
-        sites = calibration.recipe.sites
         active = load_active(history, stage, machine, sites, now)
         return due_sites(
             sites, calibration.due, history, stage, tuple(machine.axes), now,
             None if active is None else active.places,
         )  # fmt: skip
-    finally:
-        history.close()
 
 
 def insert_sites(
@@ -208,13 +203,8 @@ def require_enough_sites(request: RunRequest, sites: Sequence[Pair]) -> None:
         UnusableInput: they are too few.
         StagectlError: the history cannot be used.
     """
-    known: list[Pair] = []
-    history = open_existing(str(request.history))
-    if history is not None:
-        try:
-            known = history.places(StageKey(request.machine.name, request.truth is not None))
-        finally:
-            history.close()
+    with existing_history(request.history) as history:
+        known = [] if history is None else history.places(stage_key(request))
     places = PlaceIndex(SITE_RADIUS)
     count = 0
     for place in (*known, *sites):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,7 +26,7 @@ from stagectl.maps import (
     tracking_settings,
 )
 from stagectl.report import friction_map_used, resume_command
-from stagectl.run import Listener, RunRequest, document_paths, load_interrupted
+from stagectl.run import Listener, RunRequest, document_paths, load_interrupted, stage_key
 from stagectl.store import RECORDING_NAME
 
 Estimates = list[dict[str, Any]]
@@ -91,7 +92,7 @@ def calibrate(
     from stagectl.run import execute  # which loads drivers and simulator
 
     result = execute(request, listener)
-    stage = StageKey(request.machine.name, request.truth is not None)
+    stage = stage_key(request)
     notices, failed, command = list(result.notices), result.error, None
     version: MapVersion | None = None
     before_it: MapVersion | None = None
@@ -131,8 +132,7 @@ def _build(request: RunRequest, stage: StageKey) -> tuple[MapVersion, MapVersion
         TooFewPlaces: no axis was measured at enough of them.
         StagectlError: the history cannot be read or written.
     """
-    history = open_history(str(request.history), write=True)
-    try:
+    with closing(open_history(str(request.history), write=True)) as history:
         versions = map_versions(history, stage)
         settings = tracking_settings(request.machine, history, stage)
         built = build_map(history, stage, settings=settings)
@@ -140,8 +140,6 @@ def _build(request: RunRequest, stage: StageKey) -> tuple[MapVersion, MapVersion
         number = history.save_map(stage, now, comment, to_json(built))
         version = MapVersion(number, now, comment, False, built)
         return version, versions[-1] if versions else None
-    finally:
-        history.close()
 
 
 def calibration_as_json(

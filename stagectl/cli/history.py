@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -51,11 +52,8 @@ def import_run(run: Path, history: str | None) -> None:
         where = history or noted.where
         if where is None:
             raise UnusableInput(f"{run}: was made without a history; name one with --history")
-        opened = open_history(where, write=True)
-        try:
+        with closing(open_history(where, write=True)) as opened:
             added = file_run(opened, noted)
-        finally:
-            opened.close()
         total = len(noted.estimates)
         click.echo(
             f"{added} of {total} estimates imported into {opened.name}"

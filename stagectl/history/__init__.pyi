@@ -7,7 +7,7 @@ from .filing import (
     step_record,
 )
 from .measured import measured_level, misfit_error
-from .opening import FILE_NAME, default_history, open_existing, open_history
+from .opening import FILE_NAME, default_history, existing_history, open_history
 from .records import (
     Activation,
     AxisFriction,
@@ -50,13 +50,13 @@ __all__ = [
     "Trend",
     "Wear",
     "default_history",
+    "existing_history",
     "file_run",
     "file_unfiled_runs",
     "measured_level",
     "misfit_error",
     "note_of_estimate",
     "note_of_run",
-    "open_existing",
     "open_history",
     "plugin_thermometer",
     "runs_in",

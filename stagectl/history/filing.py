@@ -18,7 +18,6 @@ from pydantic import TypeAdapter
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.history.sql import History
-from stagectl.plain_text import one_line
 from stagectl.store import (
     FILE_NAME,
     RECORDING_NAME,
@@ -26,6 +25,7 @@ from stagectl.store import (
     RunNotes,
     read_journal_notes,
     read_notes,
+    reading_events,
 )
 
 BATCH = 500
@@ -91,30 +91,22 @@ def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
     Raises:
         UnusableInput: an older version wrote them without records, or they are damaged.
     """
-    run = next((e for e in notes.events if e.get("event") == "run"), None)
-    if run is None or "history" not in run:
+    run = notes.last("run")
+    if "history" not in run:
         raise UnusableInput(
             f"{path}: lacks the records that a history needs (made by an older version)"
         )
-    try:
+    with reading_events(path):
         entry = _ENTRY.validate_python(run["history"])
         where = run["history"]["where"]
         return RecordedRun(
             entry,
             None if where is None else str(where),
-            tuple(_estimate(e) for e in notes.events if e["event"] == "friction"),
-            tuple(
-                step_record(e, entry, number)
-                for number, e in enumerate(
-                    (e for e in notes.events if e["event"] == "level_stepped"), 1
-                )
-            ),
+            tuple(map(_estimate, notes.all("friction"))),
+            tuple(step_record(e, entry, n) for n, e in enumerate(notes.all("level_stepped"), 1)),
             None if notes.outcome in ("", "killed") else notes.outcome,
             notes.fault,
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        reason = one_line(f"{type(error).__name__}: {error}", 200)
-        raise UnusableInput(f"{path}: /events: damaged ({reason})") from None
 
 
 def _estimate(event: Mapping[str, Any]) -> EstimateRecord:

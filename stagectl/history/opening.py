@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,17 +39,20 @@ def open_history(where: str, write: bool = False) -> History:
     return History(SqliteDatabase(Path(where), write))
 
 
-def open_existing(where: str) -> History | None:
-    """Open a history for reading; None where there is none yet.
+@contextmanager
+def existing_history(where: str | None) -> Iterator[History | None]:
+    """A history for reading, closed at the end; None where there is none, or none yet.
 
     Raises:
         UnusableInput: this version cannot use it.
         StagectlError: it cannot be opened.
     """
-    try:
-        return open_history(where)
-    except NoHistory:
-        return None
+    history = None
+    if where is not None:
+        with suppress(NoHistory):
+            history = open_history(where)
+    with nullcontext() if history is None else closing(history):
+        yield history
 
 
 def machine_history(machine: Machine) -> str | None:

@@ -1,4 +1,4 @@
-from .checks import Checked, Substitutes, check, start_time
+from .checks import Checked, Substitutes, check, stage_key, start_time
 from .execution import execute
 from .listener import Listener
 from .prepare import find_measurement
@@ -30,5 +30,6 @@ __all__ = [
     "recorded_measurement",
     "rewrite_documents",
     "software_version",
+    "stage_key",
     "start_time",
 ]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +16,7 @@ import can
 
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.errors import UnusableInput
-from stagectl.history import History, StageKey, Thermometer, open_existing, plugin_thermometer
+from stagectl.history import History, StageKey, Thermometer, existing_history, plugin_thermometer
 from stagectl.recipe import Fiducial, make_fiducial
 from stagectl.run.request import RunRequest
 from stagectl.sequencer.compensation.mode import Mode
@@ -165,8 +164,7 @@ def _check_effects(request: RunRequest, mapped: bool) -> tuple[KnownEffect, ...]
 
 def _active_map(request: RunRequest) -> tuple[ActiveMap | None, float]:
     """The stage's active friction map, for a run that estimates friction; when the run starts."""
-    history = None if request.history is None else open_existing(request.history)
-    with nullcontext() if history is None else closing(history):
+    with existing_history(request.history) as history:
         started = start_time(history, request)
         if history is None or not request.host.use_map or request.host.mode is not Mode.ESTIMATED:
             return None, started

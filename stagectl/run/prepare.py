@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from stagectl.errors import RunFault
-from stagectl.history import file_unfiled_runs, open_existing, open_history
+from stagectl.history import existing_history, file_unfiled_runs, open_history
 from stagectl.maps import ActiveMap
 from stagectl.measurement import (
     Measurement,
@@ -55,12 +55,9 @@ def file_earlier_runs(request: RunRequest, announce: Callable[[str], object]) ->
     Raises:
         StagectlError: the history cannot be written.
     """
-    if request.history is None:
-        return
-    existing = open_existing(request.history)
-    if existing is None:
-        return
-    existing.close()
+    with existing_history(request.history) as existing:
+        if existing is None or request.history is None:
+            return
     with closing(open_history(request.history, write=True)) as history:
         for line in file_unfiled_runs(history, stage_key(request)):
             announce(line)

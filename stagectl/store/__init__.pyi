@@ -26,6 +26,7 @@ from .recording import (
     RunNotes,
     read_ledger,
     read_notes,
+    reading_events,
     write_recording,
 )
 from .recording_blocks import RecordingBlocks, read_recording
@@ -53,6 +54,7 @@ __all__ = [
     "read_log",
     "read_notes",
     "read_recording",
+    "reading_events",
     "recording_in",
     "recover_folder",
     "recover_journal",

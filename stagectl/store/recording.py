@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from stagectl.store.hdf5 import (
     reason_of,
 )
 from stagectl.store.ledger import CycleLedger
-from stagedata import Recording
+from stagedata import F64, Recording
 
 FORMAT = "stagectl-recording"
 VERSION = 1
@@ -83,7 +84,7 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
         )
 
 
-def _optional(file: h5py.File, name: str, count: int) -> npt.NDArray[np.float64] | None:
+def _optional(file: h5py.File, name: str, count: int) -> F64 | None:
     """A dataset of the ledger that may be absent, with nan where unknown."""
     return read_floats(file, name, count, finite=False) if name in file else None
 
@@ -108,12 +109,30 @@ class RunNotes:
     events: tuple[Mapping[str, Any], ...]
     fault: str | None = None
 
+    def all(self, event: str) -> list[Mapping[str, Any]]:
+        """All events of a name, in order."""
+        return [each for each in self.events if each["event"] == event]
+
+    def last(self, event: str) -> Mapping[str, Any]:
+        """The last event of a name; empty where there is none."""
+        return next(reversed(self.all(event)), {})
+
+
+@contextmanager
+def reading_events(path: Path) -> Iterator[None]:
+    """Makes what events that are not as written raise an `UnusableInput` about their recording."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        reason = one_line(f"{type(error).__name__}: {error}", 200)
+        raise UnusableInput(f"{path}: /events: damaged ({reason})") from None
+
 
 def read_notes(path: Path | str) -> RunNotes:
     """Read the notes of a run without its samples.
 
     Raises:
-        UnusableInput: as `recording_blocks.read_recording`, or an event is not a JSON object.
+        UnusableInput: as `recording_blocks.read_recording`, or an event is no object with a name.
     """
     with open_hdf5(path) as file:
         check_format(file)
@@ -124,8 +143,8 @@ def read_notes(path: Path | str) -> RunNotes:
                     event = json.loads(text)
                 except (ValueError, TypeError, RecursionError):
                     event = None
-                if not isinstance(event, dict):
-                    raise UnusableInput(f"/events: entry {number}: not a JSON object")
+                if not isinstance(event, dict) or "event" not in event:
+                    raise UnusableInput(f"/events: entry {number}: not a JSON object with a name")
                 events.append(event)
         return RunNotes(
             recipe=read_text(file, "recipe", default=""),

@@ -62,7 +62,7 @@ def write_documents(
     write_atomically(summary_path, text, "summary")
     if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
-        told = [e["text"] for e in notes.events if e["event"] == "limitation"]
+        told = [e["text"] for e in notes.all("limitation")]
         page = render_report(recording, summary, control_period=control_period, notices=told)
         write_atomically(report_path, page, "report")
     return summary

@@ -161,7 +161,7 @@ def _of_recording(path: Path) -> ListedRun:
 def _of_notes(notes: RunNotes, path: Path, outcome: str) -> ListedRun:
     run = run_note(notes, path)
     entry, resumed = run["history"], run["resumed"]
-    done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
+    done = [int(e["number"]) for e in notes.all("done")]
     return ListedRun(
         path.parent,
         notes.started,

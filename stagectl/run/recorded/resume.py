@@ -21,7 +21,7 @@ from stagectl.run.recorded.documents import read_run, rewrite_documents
 from stagectl.run.recorded.summarise import site_verdicts, summarise
 from stagectl.run.request import Remarks, Resumed
 from stagectl.sequencer import Figures
-from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
+from stagectl.store import RECORDING_NAME, RunNotes, read_notes, reading_events, recover_folder
 
 
 def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
@@ -51,13 +51,11 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
         raise UnusableInput(f"{path}: that run is complete, there is nothing to resume")
     if notes.recipe != recipe.text:
         raise UnusableInput(f"{path}: was made with another recipe than {recipe.source}")
-    run = next((e for e in notes.events if e.get("event") == "run"), None)
-    if run is None:
+    run = notes.last("run")
+    if not run:
         raise UnusableInput(f"{path}: does not say how far the run got (made by an older version)")
-    try:
+    with reading_events(path):
         resumed = _resumed(folder, notes, run)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
     return _with_verdicts(resumed, path, recipe)
 
 
@@ -70,8 +68,7 @@ def recorded_measurement(path: Path) -> Measurement | None:
     Raises:
         UnusableInput: the recording cannot be read, or its measurement is damaged.
     """
-    run = next((e for e in read_notes(path).events if e.get("event") == "run"), {})
-    text = run.get("measurement")
+    text = read_notes(path).last("run").get("measurement")
     return None if text is None else parse_measurement(str(text), f"{path}: measurement")
 
 
@@ -87,10 +84,10 @@ def _with_verdicts(resumed: Resumed, path: Path, recipe: Recipe) -> Resumed:
 
 def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
     before = None if run["resumed"] is None else Resumed.from_note(run["resumed"])
-    done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
+    done = [int(e["number"]) for e in notes.all("done")]
     friction = {} if before is None else dict(before.friction)
-    for event in notes.events:
-        if event["event"] == "friction" and event["accepted"]:
+    for event in notes.all("friction"):
+        if event["accepted"]:
             friction[str(event["axis"])] = _figures(
                 event["parameters"], float(event.get("local", 1.0))
             )

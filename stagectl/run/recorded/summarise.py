@@ -15,7 +15,7 @@ from stagectl.recipe import SiteLimits
 from stagectl.run.recorded.resume_command import resume_command
 from stagectl.run.request import Resumed
 from stagectl.sequencer import SiteVerdict, judge
-from stagectl.store import CycleLedger, RunNotes, finite, summarise_samples
+from stagectl.store import CycleLedger, RunNotes, finite, reading_events, summarise_samples
 from stagedata import Recording
 
 UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
@@ -30,8 +30,8 @@ def run_note(notes: RunNotes, path: Path) -> Note:
     Raises:
         UnusableInput: an older version or another program made it, which has no such event.
     """
-    run = next((e for e in notes.events if e.get("event") == "run"), None)
-    if run is None or "history" not in run:
+    run = notes.last("run")
+    if "history" not in run:
         raise UnusableInput(f"{path}: does not say how it was run (not by this version)")
     return run
 
@@ -59,7 +59,7 @@ def summarise(
     measured = summarise_samples(
         recording, _control_period(machine), machine.bus.sync_period, ledger
     )
-    try:
+    with reading_events(path):
         return {
             "format": "stagectl-run-summary",
             "version": 1,
@@ -70,16 +70,14 @@ def summarise(
             "simulated": run["simulated"],
             "lot": run["history"]["lot"],
             "duration": round(len(recording) * machine.bus.sync_period, 9),
-            "wall_time": finite(_last(notes, "end").get("wall_time")),
+            "wall_time": finite(notes.last("end").get("wall_time")),
             "outcome": notes.outcome,
             "fault": notes.fault,
             "moves": measured.pop("moves"),
-            "friction": [_friction(event) for event in _all(notes, "friction")],
+            "friction": [_friction(event) for event in notes.all("friction")],
             **measured,
             **_where_it_applies(notes, run, recording, machine, path.parent),
         }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
 
 
 def _control_period(machine: Machine) -> float:
@@ -91,7 +89,7 @@ def _where_it_applies(
 ) -> dict[str, Any]:
     """The keys that not every summary has."""
     resumed = None if run["resumed"] is None else Resumed.from_note(run["resumed"])
-    unfiled = _last(notes, "unfiled")
+    unfiled = notes.last("unfiled")
     found = {
         "started": notes.started or None,
         "wafer": run["history"]["wafer"],
@@ -101,9 +99,9 @@ def _where_it_applies(
         "interrupted": _interrupted(notes, run, recording, machine, folder, resumed),
         "map": run["map"],
         "map_comment": run.get("map_comment") or None,
-        "observer": _last(notes, "observer").get("axes") or None,
+        "observer": notes.last("observer").get("axes") or None,
         "watchdog": _picked(notes, "observer_found", "axis", "time", "out", "text"),
-        "feedforward": _last(notes, "feedforward").get("axes") or None,
+        "feedforward": notes.last("feedforward").get("axes") or None,
         "steps": _picked(notes, "level_stepped", "axis", "place", "time", "change", "everywhere"),
         "effects": run.get("effects") or None,
         "history": {name: unfiled[name] for name in ("filed", "estimates")} if unfiled else None,
@@ -126,7 +124,7 @@ def _interrupted(
         return None
     done = max(_done(notes, resumed), default=0)
     return {
-        "reason": notes.fault or _last(notes, "end").get("reason") or "the process was killed",
+        "reason": notes.fault or notes.last("end").get("reason") or "the process was killed",
         "unit": run["unit"],
         "done": done,
         "of": run["stretches"],
@@ -135,28 +133,20 @@ def _interrupted(
     }
 
 
-def _all(notes: RunNotes, event: str) -> list[Note]:
-    return [e for e in notes.events if e["event"] == event]
-
-
 def _picked(notes: RunNotes, event: str, *keys: str) -> list[dict[str, Any]] | None:
     """These keys of all events of a name; None where there are none."""
-    return [{key: e[key] for key in keys} for e in _all(notes, event)] or None
-
-
-def _last(notes: RunNotes, event: str) -> Note:
-    return next(reversed(_all(notes, event)), {})
+    return [{key: e[key] for key in keys} for e in notes.all(event)] or None
 
 
 def _done(notes: RunNotes, resumed: Resumed | None) -> list[int]:
     """Numbers of the completed segments; of those before a resumed run only the last."""
-    done = [int(e["number"]) for e in _all(notes, "done")]
+    done = [int(e["number"]) for e in notes.all("done")]
     return [*([] if resumed is None else [resumed.done]), *done]
 
 
 def _is_begun(notes: RunNotes, recording: Recording) -> bool:
     """Whether there is a move after the last completed segment."""
-    since = int(_last(notes, "done").get("sample", 0))
+    since = int(notes.last("done").get("sample", 0))
     return any(move.start >= since for move in recording.moves)
 
 
@@ -177,7 +167,7 @@ def _limits(
     allowed = SiteLimits(limits["settling"], limits["peak_error"])
     if allowed.settling is None and allowed.peak_error is None:
         return None
-    done = {e["site"] for e in _all(notes, "done")}
+    done = {e["site"] for e in notes.all("done")}
     found = judge(
         recording, allowed, limits["window"], _control_period(machine), machine.bus.sync_period
     )

@@ -24,7 +24,15 @@ from stagectl.run.listener import Listener
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import HostSettings, Resumed, RunRequest, SimulatedStage
 from stagectl.sequencer import Mode
-from stagectl.store import LOG_NAME, RECORDING_NAME, RunNotes, read_log, read_notes, recover_folder
+from stagectl.store import (
+    LOG_NAME,
+    RECORDING_NAME,
+    RunNotes,
+    read_log,
+    read_notes,
+    reading_events,
+    recover_folder,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,11 +89,11 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
         raise UnusableInput(f"{folder}: holds no recording: no sample was taken")
     notes = read_notes(path)
     log = read_log(folder / LOG_NAME)
-    run = next((e for e in notes.events if e.get("event") == "run"), None)
-    if run is None:
+    run = notes.last("run")
+    if not run:
         raise UnusableInput(f"{path}: does not say how it was run (made by an older version)")
     with tempfile.TemporaryDirectory() as scratch:
-        try:
+        with reading_events(path):
             _refuse_unless_replayable(path, run)
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
@@ -93,10 +101,7 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
             snapshot = run.get("map_then")
             active = None if snapshot is None else restore_snapshot(snapshot, machine, str(path))
             substitutes = Substitutes(bus, _RecordedMarks(_marks(notes)), _stop(notes), active)
-            seals = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
-        except (KeyError, TypeError, ValueError, AttributeError) as damage:
-            reason = f"{type(damage).__name__}: {damage}"
-            raise UnusableInput(f"{path}: /events: damaged ({reason})") from damage
+            seals = [str(e["digest"]) for e in notes.all("bus_log")]
         with bus:
             execute(request, listener or Listener(), substitutes)
     bus.finish()
@@ -172,13 +177,11 @@ def _measurement(run: Mapping[str, Any]) -> Measurement | None:
 
 def _marks(notes: RunNotes) -> dict[int, Pair]:
     return {
-        int(e["site"]): (float(e["offset"][0]), float(e["offset"][1]))
-        for e in notes.events
-        if e["event"] == "mark"
+        int(e["site"]): (float(e["offset"][0]), float(e["offset"][1])) for e in notes.all("mark")
     }
 
 
 def _stop(notes: RunNotes) -> tuple[int, str] | None:
     """Number of samples after which the operator's stop took effect, and its reason."""
-    stop = next((e for e in notes.events if e["event"] == "stop"), None)
-    return None if stop is None else (int(stop["sample"]), str(stop["reason"]))
+    stop = notes.last("stop")
+    return None if not stop else (int(stop["sample"]), str(stop["reason"]))
