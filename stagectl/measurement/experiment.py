@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Stage
 from estimation.response import (
@@ -25,9 +24,7 @@ from estimation.response import (
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import drive_loop
 from stagectl.errors import Aborted, RunFault, UnusableInput
-from stagedata import Samples
-
-F64 = NDArray[np.float64]
+from stagedata import F64, Samples
 
 AT_REST, SLIDING = 0.1, 0.3
 """Peak of the force offset, over the Coulomb force: few elements slip, and none reverses."""
@@ -168,7 +165,8 @@ class Experiment:
         rows = 2 * self._lead() + (1 + KEPT_PERIODS) * len(self._gentle)
         nowhere = np.zeros((rows, len(self._columns)))
         rest = [(nowhere, self._stream(watch, nowhere, self._gentle))]
-        sliding = [(path, self._stream(watch, path, self._strong)) for path in self._passes()]
+        passes = (self._path, self._path[-1] - self._path)  # there and back
+        sliding = [(path, self._stream(watch, path, self._strong)) for path in passes]
         return {
             name: AxisResponse(
                 self._evaluate(k, rest, self._gentle), self._evaluate(k, sliding, self._strong)
@@ -187,10 +185,6 @@ class Experiment:
         even = np.ones((1 + KEPT_PERIODS) * len(self._strong))
         velocity = np.concatenate((rise, even, rise[::-1]))
         return np.outer(np.cumsum(velocity) * self._period, speeds)
-
-    def _passes(self) -> tuple[F64, F64]:
-        """The way there and the way back."""
-        return self._path, self._path[-1] - self._path
 
     def _direct(self, axes: Sequence[Axis], names: Sequence[str], machine: Machine) -> None:
         """Let each axis slide to where there is room."""

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from stagedata import Recording, aligned_demand
+from stagedata import F64, Recording, aligned_demand
 
-FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 WINDOWS = (5e-8, 2e-7)
@@ -72,7 +71,7 @@ class MoveStatistics:
     settling_p90: Mapping[float, float]
 
 
-def arrival(demand: FloatArray, target: float, start: int, end: int) -> int | None:
+def arrival(demand: F64, target: float, start: int, end: int) -> int | None:
     """First sample in [start, end) whose aligned demand is the target.
 
     The demand inside the drive runs from r_{k-1} to r_k, so it is the target at sample k when both
@@ -91,9 +90,7 @@ def arrival(demand: FloatArray, target: float, start: int, end: int) -> int | No
     return start + int(found[0]) if len(found) else None
 
 
-def peak_error(
-    position: FloatArray, aligned: FloatArray, valid: BoolArray, start: int, end: int
-) -> float:
+def peak_error(position: F64, aligned: F64, valid: BoolArray, start: int, end: int) -> float:
     """Largest |d_k - position| in [start, end) [m]; nan where no sample there is valid.
 
     Args:
@@ -108,7 +105,7 @@ def peak_error(
 
 
 def settling(
-    position: FloatArray,
+    position: F64,
     valid: BoolArray,
     target: float,
     arrived: int,

@@ -128,7 +128,7 @@ class ReplayBus(can.BusABC):
         self.compared += 1
         self._sent = self._next(at, sent=True)
         self._frames.forget(min(self._sent, self._received))
-        if self._received == at + 1 and self._fails(self._received):
+        if self._received == at + 1 < len(self._frames) and self._frames[at + 1].failed:
             self._fail()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -181,9 +181,6 @@ class ReplayBus(can.BusABC):
         while at < len(frames) and frames[at].sent is not sent:
             at += 1
         return at
-
-    def _fails(self, at: int) -> bool:
-        return at < len(self._frames) and self._frames[at].failed
 
     def _fail(self) -> None:
         self._received = self._next(self._received, sent=False)

@@ -12,23 +12,19 @@ from estimation.observer import StageObserver
 
 
 class Sampled(Protocol):
-    """An axis as last sampled, in the integers of the bus."""
+    """An axis as last sampled, in the integers of the bus.
 
-    @property
-    def position(self) -> int:
-        """[increments]."""
+    Attributes:
+        position: [increments].
+        force: [1/1000 rated].
+        valid: whether the last SYNC brought a sample.
+        arrival: time from SYNC to the arrival of its frame [ns].
+    """
 
-    @property
-    def force(self) -> int:
-        """[1/1000 rated]."""
-
-    @property
-    def valid(self) -> bool:
-        """Whether the last SYNC brought a sample."""
-
-    @property
-    def arrival(self) -> int:
-        """Time from SYNC to the arrival of its frame [ns]."""
+    position: int
+    force: int
+    valid: bool
+    arrival: int
 
 
 class ObservedOffsets:
