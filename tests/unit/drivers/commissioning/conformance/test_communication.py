@@ -52,7 +52,7 @@ def test_a_synchronous_rpdo_that_takes_effect_on_arrival_is_found(machine):
         world = world_of(bus)
 
         def hasty(found):
-            if found.name.startswith("type 3"):  # what comes next is the RPDO
+            if found.check.startswith("type 3"):  # what comes next is the RPDO
                 world.subscribe(0x201, lambda _: world.at(world.now_ns, stage.drives[0].pdo.latch))
 
         findings = run(bus, 1, power=False, on_finding=hasty)
@@ -146,7 +146,7 @@ def test_process_data_are_restored_as_they_were_found(machine, kind):
 
 def test_process_data_are_restored_after_an_interruption(machine):
     def interrupt(found):
-        if found.name.startswith("type 3"):
+        if found.check.startswith("type 3"):
             raise KeyboardInterrupt
 
     with network(machine) as (bus, stage):
@@ -170,6 +170,6 @@ def test_values_that_the_drive_does_not_accept_back_are_reported(machine):
         dictionary.check[key(0x1A00, 1)] = only_the_statusword
         findings = run(bus, 1, power=False)
     (found,) = [f for f in findings if f.verdict is Verdict.FAIL]
-    assert (found.group, found.name) == ("NMT", "changed values are restored")  # by the reset
+    assert (found.group, found.check) == ("NMT", "changed values are restored")  # by the reset
     assert found.detail.startswith("0x1800 has COB-ID 0x")
     assert "606C0020 60410010 60610008 mapped" in found.detail

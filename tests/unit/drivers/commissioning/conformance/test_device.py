@@ -32,7 +32,7 @@ def test_a_mode_that_the_drive_does_not_list_must_not_be_entered(machine):
         stage.drives[0].dictionary.values[key(0x6502)] = struct.unpack("<I", without_pp)[0]
         findings = run(bus, 1, power=False)
     (found,) = [f for f in findings if f.verdict is Verdict.FAIL]
-    assert found.name == "pp (1), not in 0x6502, is not entered"
+    assert found.check == "pp (1), not in 0x6502, is not entered"
     assert found.detail.endswith("accepted")
 
 
@@ -58,7 +58,7 @@ def test_a_fault_that_another_command_resets_is_found(machine):
         drive = stage.drives[0]
 
         def reset(found):
-            if found.name.startswith("0x1003:01"):
+            if found.check.startswith("0x1003:01"):
                 drive.dictionary.set_data(0x6040, 0, b"\x00\x00")
                 drive.dictionary.set_data(0x6040, 0, b"\x80\x00")
                 bus.pump(0.05)

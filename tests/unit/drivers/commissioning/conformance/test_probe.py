@@ -88,7 +88,7 @@ def test_a_refusal_passes_only_with_the_standards_code(probe, scripted, answer, 
         scripted.drives[0].refuse_write[0x6041, 0] = answer
     probe.refusal("write", lambda: probe.write(0x6041, 0, 0), READ_ONLY)
     (found,) = probe.findings
-    assert (found.group, found.name, found.verdict) == ("group", "write", verdict)
+    assert (found.group, found.check, found.verdict) == ("group", "write", verdict)
     assert detail in found.detail
 
 
