@@ -61,26 +61,3 @@ def test_csp_over_can_is_the_compiled_simulation(stage_settings, world, make_hos
     assert np.abs(sampled[:, :, 0] - expected.position * 1e9).max() < 0.01
     assert np.abs(sampled[:, :, 1] - expected.force / 0.04).max() < 0.01
     assert np.ptp(sampled[:, 0, 0]) > 39_000
-
-
-def test_homing_of_the_simulated_stage(stage_settings, world, make_host):
-    stage = VirtualStage(stage_settings, seed=1)
-    stage.attach(world)
-    with can.Bus(interface="lockstep", channel=world.name) as bus:
-        host = make_host(bus)
-        host.wait(30)
-        for node in (1, 2):
-            host.enable(6, node)
-            host.control(0x1F, node)
-        for _ in range(60):
-            host.wait(100)
-            words = [host.statusword(node) for node in (1, 2)]
-            if all(word & 0x3400 == 0x1400 for word in words):
-                break
-        assert [hex(word & 0x3400) for word in words] == ["0x1400", "0x1400"]
-        assert host.clock.now_ns() < 5e9
-        host.wait(200)
-        for axis, node in enumerate((1, 2)):
-            position = host.read_object(node, 0x6064, 0, "i")
-            assert abs(position) < 200  # nm, at rest at the mark
-            assert position == stage.plant.encoder(axis)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 
 import can
-import canopen
 import pytest
 
 
@@ -114,24 +113,3 @@ def test_closed_bus_is_refused(name):
     bus.shutdown()
     with pytest.raises(can.CanOperationError, match="closed"):
         bus.send(frame(1))
-
-
-def test_thread_safe_bus_has_the_clock(name):
-    with can.ThreadSafeBus(interface="lockstep", channel=name) as bus:
-        assert bus.recv(0.5) is None
-        assert bus.clock.now_ns() == 500_000_000
-
-
-def test_canopen_nodes_on_both_ends(name):
-    """The LocalNode of canopen as a node of the world: heartbeat through `send_periodic`."""
-    with can.Bus(interface="lockstep", channel=name) as bus:
-        network = canopen.Network(bus)
-        node = network.create_node(5, canopen.ObjectDictionary())
-        with can.Bus(interface="lockstep", channel=name) as other:
-            node.nmt.start_heartbeat(100)
-            bus.clock.sleep_until_ns(1_000_000_000)
-            beats = []
-            while (message := other.recv(0)) is not None:
-                beats.append(message.arbitration_id)
-            node.nmt.stop_heartbeat()
-        assert beats == [0x705] * 11

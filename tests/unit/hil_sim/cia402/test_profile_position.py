@@ -67,35 +67,9 @@ def test_second_setpoint_waits_for_the_first(pp, plant):
     assert pp.statusword() & (REACHED | ACKNOWLEDGE) == REACHED
 
 
-def test_immediate_setpoint_replaces_the_first(pp, plant):
-    setpoint(pp, 5_000_000)
-    pp.wait(50)
-    assert setpoint(pp, 0, bits=0x20)
-    pp.wait(400)
-    assert pp.read_object(1, 0x6064, 0, "i") == 0
-    assert max(c[2] for c in plant.commands) < START + 2e-3
-
-
 def speeds(plant):
     """Of the demand of axis 0 [m/s], millisecond by millisecond."""
     return np.diff([c[2] for c in plant.commands if c[1] == 0]) / 1e-3
-
-
-def test_a_target_is_passed_at_its_speed_where_the_next_lies_further_on(pp, plant):
-    plant.commands.clear()
-    setpoint(pp, 1_000_000)
-    pp.wait(20)
-    pp.write(1, 0x6081, 0, "I", 10_000_000)
-    assert setpoint(pp, 2_000_000, bits=0x200)
-    assert pp.statusword() & ACKNOWLEDGE  # it waits until the first is passed
-    pp.wait(300)
-    assert pp.read_object(1, 0x6064, 0, "i") == 2_000_000
-    assert pp.statusword() & (REACHED | ACKNOWLEDGE) == REACHED
-    path = np.array([c[2] for c in plant.commands if c[1] == 0]) - START
-    at_first = speeds(plant)[np.searchsorted(path, 1e-3) - 1]
-    assert at_first == pytest.approx(20e-3, rel=1e-6)
-    slow = speeds(plant)[np.searchsorted(path, 1.5e-3)]
-    assert slow == pytest.approx(10e-3, rel=1e-6)
 
 
 @pytest.mark.parametrize(("then", "bits"), [(-500_000, 0x200), (2_000_000, 0)])
@@ -128,28 +102,6 @@ def test_a_halt_on_the_way_past_a_target_goes_on_past_it(pp, plant):
     assert at_first > 15e-3
 
 
-def test_at_once_counts_also_while_another_one_waits(pp, plant):
-    setpoint(pp, 3_000_000)
-    pp.wait(20)
-    setpoint(pp, 4_000_000)
-    assert pp.statusword() & ACKNOWLEDGE
-    pp.write(1, 0x607A, 0, "i", 100_000)
-    pp.control(0x3F)
-    pp.control(0x0F)
-    assert not pp.statusword() & ACKNOWLEDGE  # the one that waited is forgotten
-    pp.wait(400)
-    assert pp.read_object(1, 0x6064, 0, "i") == 100_000
-    assert max(c[2] for c in plant.commands) < START + 2e-3
-
-
-def test_relative_to_the_target_before(pp):
-    setpoint(pp, 300_000)
-    pp.wait(150)
-    setpoint(pp, 200_000, bits=0x40)
-    pp.wait(150)
-    assert pp.read_object(1, 0x6064, 0, "i") == 500_000
-
-
 def test_target_beyond_the_soft_limit(pp):
     pp.write(1, 0x607D, 2, "i", 400_000)
     setpoint(pp, 900_000)
@@ -158,20 +110,6 @@ def test_target_beyond_the_soft_limit(pp):
     assert pp.read_object(1, 0x6064, 0, "i") == 400_000
     setpoint(pp, 100_000)
     assert not pp.statusword() & LIMIT
-
-
-def test_halt_stops_with_bit_10_and_goes_on(pp):
-    setpoint(pp, 3_000_000)
-    pp.wait(50)
-    pp.control(0x10F)
-    pp.wait(100)
-    assert pp.statusword() & REACHED  # velocity is 0
-    stopped = pp.read_object(1, 0x6064, 0, "i")
-    assert 0 < stopped < 2_900_000
-    pp.control(0x0F)
-    assert not pp.statusword() & REACHED
-    pp.wait(400)
-    assert pp.read_object(1, 0x6064, 0, "i") == 3_000_000
 
 
 def test_a_blocked_axis_never_reports_target_reached(pp, plant):

@@ -1,4 +1,4 @@
-"""Figures of axis x, closed forms and an independent integrator, for the tests of effects."""
+"""Figures of axis x and an independent integrator, for the tests of effects."""
 
 import math
 
@@ -7,11 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 MASS = 8.0
-FC, VISCOUS = 6.0, 20.0
 LAG = 1.0 / (2.0 * np.pi * 1500.0)
 """Time constant of the current loop [s]."""
-SPEED = 0.1
-"""Of the fixture `sliding` [m/s]."""
 
 both_steps = pytest.mark.parametrize("substeps", [5, 1])
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
-from tests.unit.hil_sim.effects.closed_forms import SPEED
 from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 F64 = NDArray[np.float64]
@@ -43,34 +42,5 @@ def pushed() -> Callable[..., tuple[F64, F64, F64]]:
         response = simulate(stage, demand, offset, None, substeps=substeps, rounded=False)
         time = stage.sync_period * np.arange(rows)
         return time, response.position[:, axis], response.force[:, axis]
-
-    return run
-
-
-@pytest.fixture(scope="session")
-def current() -> Callable[[F64, float], F64]:
-    """Step response of the nominal current loop after a delay [s]."""
-
-    def response(time: F64, delay: float = 0.0, bandwidth: float = 1500.0) -> F64:
-        since = np.maximum(time - delay, 0.0)
-        return 1.0 - np.exp(-2.0 * np.pi * bandwidth * since)
-
-    return response
-
-
-@pytest.fixture(scope="module")
-def sliding(nominal):
-    """Axis x driven at ± SPEED for 0.6 s after a quick start: time, position, force of x."""
-
-    def run(stage, direction=1.0, *, start=0.0, substeps=5, rows=600):
-        speed = direction * SPEED * np.minimum(np.arange(rows) / 50.0, 1.0)
-        demand = np.zeros((rows, 2))
-        demand[:, 0] = start + np.cumsum(speed) * stage.sync_period
-        response = simulate(
-            stage, demand, np.zeros_like(demand), None, substeps=substeps, rounded=False
-        )
-        settled = slice(200, None)
-        time = stage.sync_period * np.arange(rows)
-        return time[settled], response.position[settled, 0], response.force[settled, 0]
 
     return run

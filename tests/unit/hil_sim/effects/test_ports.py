@@ -1,37 +1,18 @@
 """Ports beyond the library's effects, what is refused, and that the plain plant stays as it was."""
 
-import math
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant import needs_all_axes, simulate
 from tests.unit.hil_sim.effects.closed_forms import (
     MASS,
-    assert_close,
     both_steps,
-    integrated,
-    motor,
 )
 from tests.unit.hil_sim.inputs import change_axes, effect_of, smooth_demand
-
-
-@both_steps
-def test_force_over_velocity(free, with_effects, pushed, substeps):
-    drag = effect_of(
-        lambda ports: ports.add_velocity_force(80.0 * ports.velocities * np.abs(ports.velocities))
-    )
-    time, position, _ = pushed(with_effects(free, drag), 30.0, substeps=substeps, duration=0.4)
-    terminal = math.sqrt(30.0 / 80.0)
-    late = time - 1.0 / (2.0 * math.pi * 1500.0)
-    expected = MASS / 80.0 * np.log(np.cosh(80.0 * terminal / MASS * np.maximum(late, 0.0)))
-    assert np.abs(position - expected).max() < 1e-4 * expected[-1] + 1e-5
-    _, backwards, _ = pushed(with_effects(free, drag), -30.0, substeps=substeps, duration=0.4)
-    np.testing.assert_allclose(backwards, -position, atol=1e-9)
 
 
 @both_steps
@@ -39,18 +20,6 @@ def test_force_over_time(free, with_effects, pushed, substeps):
     push = effect_of(lambda ports: ports.add_time_force(-2.0 * ports.times))
     time, position, _ = pushed(with_effects(free, push), 0.0, substeps=substeps)
     np.testing.assert_allclose(position, 2.0 / MASS * time**3 / 6.0, atol=2e-3 * 4e-5)
-
-
-@both_steps
-def test_cubic_force_over_position(free, with_effects, pushed, substeps):
-    cable = effect_of(lambda ports: ports.add_position_force(1e5 * (ports.positions - 0.06) ** 3))
-    time, position, _ = pushed(with_effects(free, cable), 0.0, substeps=substeps, duration=0.5)
-    expected = solve_ivp(
-        lambda t, s: (s[1], -1e5 * (s[0] - 0.06) ** 3 / MASS), (0.0, 0.5), (0.0, 0.0), t_eval=time,
-        rtol=1e-10, atol=1e-14,
-    ).y[0]  # fmt: skip
-    assert np.ptp(expected) > 0.1
-    np.testing.assert_allclose(position, expected, atol=1e-3 * np.ptp(expected))
 
 
 @both_steps
@@ -176,22 +145,3 @@ def test_nodes_cover_travel_speed_and_time(nominal):
     assert ports.velocities[len(ports.velocities) // 2] == 0.0
     assert ports.times[0] == 0.0
     assert ports.times[-1] >= 2.0
-
-
-def test_from_the_controller_to_the_carriage_in_order(free, with_effects, effects, pushed, current):
-    # Factor, then saturation, then ripple: at the crest of a long ripple all three are constant.
-    stage = with_effects(
-        free,
-        effects["force_ripple"].at(ratio=0.05, pitch=10.0, phase=math.pi / 2),
-        effects["force_saturation"].at(force=40.0),
-        effects["force_constant"].at(ratio=1.1),
-        effects["dead_time"].at(delay=0.0004),
-    )
-    time, position, force = pushed(stage, 60.0, duration=0.05)
-
-    def acceleration(t, x, v):
-        late = motor(max(t - 0.0004, 0.0), 60.0)
-        return 40.0 * math.tanh(1.1 * late / 40.0) * 1.05 / MASS
-
-    assert_close(position, integrated(time, acceleration), 3e-4)
-    np.testing.assert_allclose(force, 60.0 * current(time, 0.0004), atol=1e-6)

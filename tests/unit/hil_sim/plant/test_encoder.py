@@ -34,9 +34,3 @@ def test_the_velocity_follows_through_a_first_order_low_pass():
         read(plant(), state, PERIOD, 0.0)
     assert state.speed == pytest.approx(speed * (1.0 - (1.0 / 1.1) ** 10), rel=1e-6)
     assert state.speed == pytest.approx(speed * (1.0 - math.exp(-1.0)), rel=0.03)
-
-
-def test_a_misreading_is_an_offset_and_a_slope_about_its_place():
-    state = at_rest(1e-3, misread=50e-9, misread_slope=1e-4, place=0.9e-3)
-    read(plant(misreading=0), state, PERIOD, 0.0)
-    assert state.encoder == pytest.approx(1e-3 + 50e-9 + 1e-4 * 0.1e-3, abs=1e-9)

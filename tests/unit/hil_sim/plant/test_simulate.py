@@ -34,13 +34,6 @@ def test_output_is_clamped_and_the_integrator_waits(nominal):
     assert abs(response.position[-1, 0]) < 2e-5  # it comes back: nothing was wound up for long
 
 
-def test_at_rest_nothing_happens(nominal):
-    start = np.tile([0.01, -0.02], (200, 1))
-    response = simulate(nominal, start, np.zeros((200, 2)), None)
-    np.testing.assert_allclose(response.position, start, atol=1e-12)
-    assert np.abs(response.force).max() == 0.0
-
-
 def test_shapes_that_do_not_fit_are_refused(nominal):
     with pytest.raises(ValueError, match="shape"):
         simulate(nominal, np.zeros((5, 3)), np.zeros((5, 3)), None)

@@ -48,14 +48,3 @@ def test_they_make_the_sums_of_the_fine_steps(share, before, now, start):
     whole = np.array([1.0, 1.0, (count + 1) / (2 * count)])
     made = weights[:, 0] * before + weights[:, 1] * start + (whole - weights.sum(axis=1)) * now
     np.testing.assert_allclose(made, fine_steps(DECAY, share, before, now, start), rtol=1e-12)
-
-
-def test_a_fast_loop_forgets_the_force_at_the_start():
-    weights = motor_weights(50.0, np.zeros(5))
-    np.testing.assert_allclose(weights, 0.0, atol=1e-12)
-
-
-def test_a_loop_that_does_not_respond_keeps_it():
-    weights = motor_weights(0.0, np.ones(5))
-    np.testing.assert_allclose(weights[:, 0], 0.0)
-    np.testing.assert_allclose(weights[:, 1], [1.0, 1.0, 0.6])
