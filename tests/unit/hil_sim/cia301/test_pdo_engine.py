@@ -9,29 +9,6 @@ import pytest
 
 from tests.unit.hil_sim.cia301.mapping import remap
 
-
-def test_no_process_data_outside_operational(host):
-    host.send(0x080)
-    assert host.take(0x181) == []
-    host.nmt(1)
-    host.send(0x080)
-    assert len(host.take(0x181)) == 1
-    host.nmt(128)
-    host.send(0x080)
-    assert host.take(0x181) == []
-
-
-def test_asynchronous_rpdo_acts_at_once_and_synchronous_at_sync(host):
-    host.nmt(1)
-    host.send(0x201, struct.pack("<Hih", 0x06, 0, 0))
-    assert host.statusword() & 0x4F == 0x40
-    host.send(0x080)
-    assert host.statusword() & 0x6F == 0x21
-    host.write(1, 0x1400, 2, "B", 255)
-    host.send(0x201, struct.pack("<Hih", 0x07, 0, 0))
-    assert host.statusword() & 0x6F == 0x23
-
-
 CONTROLWORD, MODE, TARGET = 0x60400010, 0x60600008, 0x607A0020
 
 

@@ -26,18 +26,6 @@ def block_upload(host, size=127):
     return [f.data for f in host.take(0x581)]
 
 
-def test_block_upload(host):
-    frames = block_upload(host)
-    assert [f[0] for f in frames] == [1, 2, 0x83]
-    assert b"".join(f[1:] for f in frames) == NAME
-    (end,) = acknowledge(host, 3)
-    assert end[0] == 0xC1
-    assert struct.unpack_from("<H", end, 1) == (crc_hqx(NAME, 0),)
-    host.send(0x601, b"\xa1".ljust(8, b"\0"))
-    assert host.take(0x581) == []
-    assert host.read_object(1, 0x1000, 0, "I") == 0x00020192
-
-
 def acknowledge(host, count, size=127):
     host.send(0x601, bytes((0xA2, count, size, 0, 0, 0, 0, 0)))
     return [f.data for f in host.take(0x581)]

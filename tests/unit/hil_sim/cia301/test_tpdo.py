@@ -25,16 +25,6 @@ def test_remapped_tpdo(other):
     assert struct.unpack("<biH", frame.data)[:2] == (0, 0)
 
 
-def test_each_nth_sync(other):
-    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=3)
-    other.nmt(1)
-    counts = []
-    for _ in range(7):
-        other.send(0x080)
-        counts.append(len(other.take(0x181)))
-    assert counts == [0, 0, 1, 0, 0, 1, 0]
-
-
 def test_type_0_sends_when_changed(other):
     remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=0)
     other.nmt(1)

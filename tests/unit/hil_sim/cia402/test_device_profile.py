@@ -12,18 +12,6 @@ FAULT, DISABLED = 0x08, 0x40
 EMCY = 0x081
 
 
-def test_enabling_one_command_after_another(host, plant):
-    assert host.statusword() & 0x4F == 0x40
-    assert host.control(0x0F) & 0x4F == 0x40  # not from here
-    assert host.control(0x06) & 0x6F == 0x21
-    assert host.control(0x07) & 0x6F == 0x23
-    assert not plant.powered[0]
-    assert host.control(0x0F) & 0x6F == 0x27
-    assert plant.powered[0]
-    assert host.control(0x07) & 0x6F == 0x23
-    assert not plant.powered[0]
-
-
 def test_quick_stop_ramps_down_and_ends_disabled(streaming, plant):
     host = streaming
     host.write(1, 0x6085, 0, "I", 1_000_000)  # 1 m/s^2

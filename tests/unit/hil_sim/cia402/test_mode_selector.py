@@ -1,33 +1,10 @@
-"""The mode of operation: which there are, and how one gives way to another."""
+"""The mode of operation: how one gives way to another; which there are: the conformance checks."""
 
 from __future__ import annotations
 
 import pytest
 
-OUT_OF_RANGE = 0x06090030
-PP, PV, HM, CSP, CSV, CST = 1, 3, 6, 8, 9, 10
-
-
-@pytest.mark.parametrize("mode", [0, PP, PV, HM, CSP, CSV, CST])
-def test_a_mode_that_is_offered_is_displayed_at_once_while_nothing_acts(host, mode):
-    host.write(1, 0x6060, 0, "b", mode)
-    assert host.read_object(1, 0x6061, 0, "b") == mode
-
-
-@pytest.mark.parametrize("mode", [2, 4, 5, 7, -1, 99])
-def test_a_mode_that_there_is_not_is_refused_and_changes_nothing(host, mode):
-    host.write(1, 0x6060, 0, "b", CSP)
-    assert host.refusal(lambda: host.write(1, 0x6060, 0, "b", mode)) == OUT_OF_RANGE
-    assert host.read_object(1, 0x6060, 0, "b") == CSP
-    assert host.read_object(1, 0x6061, 0, "b") == CSP
-
-
-def test_supported_modes_are_those_that_are_accepted(host):
-    offered = host.read_object(1, 0x6502, 0, "I")
-    listed = {m for m in range(1, 11) if offered >> (m - 1) & 1}
-    assert listed == {PP, PV, HM, CSP, CSV, CST}
-    for mode in listed:
-        host.write(1, 0x6060, 0, "b", mode)
+PP, PV, CSP = 1, 3, 8
 
 
 def test_a_mode_left_in_motion_brakes_with_the_profile_deceleration(host, plant):

@@ -27,18 +27,6 @@ def setpoint(host, target, bits=0):
     return bool(taken)
 
 
-def test_moves_and_reports_target_reached(pp, plant):
-    pp.wait(20)
-    assert pp.statusword() & REACHED
-    assert setpoint(pp, 1_000_000)
-    assert not pp.statusword() & (REACHED | ACKNOWLEDGE)
-    pp.wait(30)
-    assert not pp.statusword() & REACHED
-    pp.wait(200)
-    assert pp.statusword() & REACHED
-    assert pp.read_object(1, 0x6064, 0, "i") == 1_000_000
-
-
 def test_profile_keeps_speed_acceleration_and_jerk(pp, plant):
     plant.commands.clear()
     setpoint(pp, 2_000_000)
