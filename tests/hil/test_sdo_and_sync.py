@@ -1,10 +1,8 @@
 """Host and virtual drive together: block uploads, SYNC with a counter."""
 
-import can
 import numpy as np
 import pytest
 
-from drivers.canopen import Network, SdoChannel
 from drivers.errors import ConfigurationError
 from tests.lockstep import open_on, power_up, switch_on
 
@@ -14,13 +12,6 @@ def world(stage_machine):
     drives, world = switch_on(stage_machine)
     world.sleep_until_ns(50_000_000)
     return world, drives
-
-
-def test_block_uploads(world):
-    with can.Bus(interface="lockstep", channel=world[0].name) as bus:
-        channel = SdoChannel(Network(bus, "lockstep"), 1)
-        assert channel.block_upload(0x1008, 0) == b"stagectl linear drive"
-        assert channel.block_upload(0x1000, 0) == channel.upload(0x1000, 0)
 
 
 def test_sync_with_a_counter(stage_machine, world):

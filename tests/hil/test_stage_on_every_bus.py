@@ -185,17 +185,6 @@ def test_idle_keeps_the_host_heartbeat_going(stage, rig, hold):
     assert len(stage.stream(*hold(stage, 10))) == 10
 
 
-def test_profile_position_move(stage, rig, hold):
-    other = stage.targets[0]
-    target = stage.targets[1] + 2e-3
-    stage.move_to("y", target, velocity=0.05, acceleration=1.0)
-    assert stage.enabled
-    assert stage.targets[1] == pytest.approx(target, abs=1e-9)
-    rest = stage.stream(*hold(stage, round(0.2 / rig.period)))
-    assert np.abs(rest.position[-1] - (other, target)).max() < rig.arrived_within(200e-9)
-    assert np.abs(rest.position[:, 1] - target).max() < 2e-6
-
-
 @pytest.mark.every_bus
 def test_closing_leaves_the_drives_without_power(rig, hold):
     with rig.open() as stage:

@@ -8,8 +8,6 @@ from canopen import SdoAbortedError
 from drivers.errors import ConfigurationError
 from hil_sim.cia301 import key
 from hil_sim.cia402 import State
-from stagectl.config.machine.file import parse_machine
-from stagectl.config.settings.package_settings import driver_settings
 from tests.lockstep import open_on, power_up, switch_on
 
 CONSUMER, REACTION = key(0x1016, 1), key(0x6007)
@@ -87,31 +85,8 @@ def test_the_drive_goes_on_without_its_host_as_reported(stage_machine):
     assert states == [State.ENABLED, State.SWITCH_ON_DISABLED]
 
 
-def test_an_eds_without_the_object_is_refused(stage_machine, tmp_path):
-    _, axes = driver_settings(stage_machine)
-    text = axes[0].eds.read_text()
-    before, _, after = text.partition("[1016]\n")
-    rest = after[after.index("[1017]") :]
-    eds = tmp_path / "without.eds"
-    eds.write_text(before.replace("9=0x1016", "9=0x1017") + rest)
-    with (
-        opened(stage_machine, eds=eds) as (stage, _, _),
-        pytest.raises(ConfigurationError, match=r"^axis x: 0x1016:01 .*: is not offered: "),
-    ):
-        stage.boot()
-
-
 def test_a_released_drive_is_pre_operational(stage_machine):
     """Its refusal to watch a host is no reason to leave it sending."""
     with opened(stage_machine, refuses_consumer, unwatched_host=True) as (stage, drives, _):
         stage.boot()
     assert [drive.nmt.state.name for drive in drives.drives] == ["PRE_OPERATIONAL"] * 2
-
-
-@pytest.mark.parametrize(("text", "accepted"), [("refuse", False), ("accept", True)])
-def test_the_machine_file_decides(stage_machine, text, accepted):
-    changed = stage_machine.text.replace(
-        "rated_force: 40.0", f"unwatched_host: {text}\n      rated_force: 40.0"
-    )
-    axes = driver_settings(parse_machine(changed, "m.yaml"))[1]
-    assert [axis.unwatched_host for axis in axes] == [accepted, False]

@@ -38,21 +38,6 @@ def test_a_drive_that_cannot_be_configured_is_not_started(opened, scripted):
     assert 1 not in [command for command, _ in nmt(scripted)]
 
 
-def test_two_devices_with_one_id_are_refused_after_several_attempts(opened, scripted):
-    """Each SDO of node 1 is answered twice."""
-    drive = scripted.drives[0]
-    answer = drive.answer_sdo
-
-    def twice(data):
-        answer(data)
-        answer(data)
-
-    drive.answer_sdo = twice
-    with opened, pytest.raises(NodeError, match=r"^axis x: "):
-        opened.boot()
-    assert drive.nmt != 5
-
-
 def test_a_second_boot_resets_and_configures_again(opened, scripted):
     with opened:
         opened.boot()

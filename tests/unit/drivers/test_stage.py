@@ -14,16 +14,6 @@ from tests.unit.drivers.conftest import power_is_off, rest
 X, Y = 0, 1
 
 
-def test_too_many_missed_tpdos_stop_all_axes(enabled, scripted):
-    scripted.drives[Y].mute_tpdo = 1_000_000
-    with pytest.raises(
-        AxisFault, match=r"^axis y: 0x6041:00 statusword: no process data \(TPDO 0x182\) for 6"
-    ):
-        enabled.stream(*rest(enabled, 50))
-    assert scripted.drives[X].state is not State.OPERATION_ENABLED
-    assert power_is_off(scripted)
-
-
 def _fault(drive):
     drive.state = State.FAULT
     drive.objects[0x603F, 0] = 0x8611
@@ -69,13 +59,6 @@ def test_a_fault_of_one_axis_stops_both_and_is_named(enabled, scripted, event, t
     assert len(seen) == 10  # nothing is lost up to and with the cycle of the event
     assert power_is_off(scripted)
     assert scripted.drives[Y].state is not State.OPERATION_ENABLED
-
-
-def test_a_lost_heartbeat_stops_all_axes(enabled, scripted):
-    scripted.drives[X].objects[0x1017, 0] = 0
-    with pytest.raises(AxisFault, match=r"^axis x: heartbeat lost: node 1 silent for 0\.3"):
-        enabled.stream(*rest(enabled, 1000))
-    assert power_is_off(scripted)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """PDO codecs round trip; mappings are configured by the book."""
 
-import struct
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,11 +59,6 @@ def test_real32_round_trips(value):
     assert mapping.codec.unpack(mapping.codec.pack(value)) == (value,)
 
 
-def test_mapping_entries_are_index_sub_bits():
-    assert MappedObject(ObjectRef(0x607A, 0, ""), 0x04).entry == 0x607A0020
-    assert MappedObject(ObjectRef(0x2001, 5, ""), 0x05).entry == 0x20010508
-
-
 @pytest.mark.parametrize("kind", [0x01, 0x09, 0x10, 0x16, 0x0F])  # boolean, string, 24 bit, domain
 def test_types_without_a_codec_are_refused_by_name(kind):
     with pytest.raises(ConfigurationError, match=r"0x6003:00 something: data type 0x00"):
@@ -120,11 +113,3 @@ def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(c
     disable_pdo(node, TPDO)
     assert node.held[0x1800, 1] >> 31 == 1
     disable_pdo(node, TPDO + 6)  # not offered: nothing to do
-
-
-def test_the_rpdo_of_the_stage_is_laid_out_as_documented():
-    kinds = ((0x6040, 0x06), (0x607A, 0x04), (0x60B2, 0x03))
-    mapping = PdoMapping(tuple(MappedObject(ObjectRef(i, 0, ""), t) for i, t in kinds))
-    assert mapping.codec.pack(0x0F, -150_000_000, -25) == struct.pack(
-        "<Hih", 0x0F, -150_000_000, -25
-    )

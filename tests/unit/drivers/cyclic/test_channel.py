@@ -30,20 +30,6 @@ def channel(scripted, axis_settings):
     return Channel(Axis(Network(scripted, "scripted"), axis_settings[0]))
 
 
-def test_a_tpdo_per_sync_is_the_sample(channel):
-    assert not channel.seen
-    assert sync(channel, tpdo(7))
-    assert (channel.statusword, channel.position, channel.force) == (0x0637, 7, 5)
-    assert (channel.seen, channel.arrival, channel.missed) == (True, 1000, 0)
-
-
-def test_a_missing_tpdo_keeps_the_last_values(channel):
-    sync(channel, tpdo(7))
-    assert not sync(channel)
-    assert not sync(channel)
-    assert (channel.position, channel.arrival, channel.missed) == (7, -1, 2)
-
-
 def test_identical_tpdos_are_a_sample_and_counted_as_doubled(channel):
     for count in range(3):
         assert sync(channel, tpdo(7), tpdo(7))

@@ -6,7 +6,6 @@ import struct
 import numpy as np
 import pytest
 
-from drivers.errors import AxisFault, LimitError
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
@@ -53,46 +52,6 @@ def test_streams_continue_the_sync_grid_and_until_ends_one(enabled, scripted):
     assert set(np.diff(syncs[-5:])) == {1_000_000}
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        (lambda p: p.__setitem__((3, X), np.nan), r"axis x: 0x607A:00 .*row 3: nan m"),
-        (lambda p: p.__setitem__((slice(2, None), Y), 0.2), r"axis y: 0x607D:02 .*row 2.*above"),
-        (lambda p: p.__setitem__((0, X), 0.01), r"axis x: 0x607A:00 .*row 0.*velocity limit 1 m/s"),
-    ],
-)
-def test_setpoints_outside_the_limits_send_nothing(enabled, scripted, change, text):
-    before = len(scripted.sent)
-    position, offset = rest(enabled, 5)
-    change(position)
-    with pytest.raises(LimitError, match=text):
-        enabled.stream(position, offset)
-    assert len(scripted.sent) == before
-
-
-def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(enabled, scripted):
-    def drop(drive, count):
-        drive.position += 7
-        drive.mute_tpdo = 1 if count == start + 3 else 0
-
-    start = scripted.drives[X].syncs
-    scripted.drives[X].on_sync = drop
-    samples = enabled.stream(*rest(enabled, 6))
-    assert samples.valid[:, X].tolist() == [True, True, False, True, True, True]
-    assert samples.valid[:, Y].all()
-    assert samples.position[2, X] == samples.position[1, X]
-    assert np.isnan(samples.arrival[2, X])
-    assert enabled.missed == 1
-    np.testing.assert_allclose(np.diff(samples.time), 1e-3)
-
-
-def test_no_sdo_while_streaming(enabled, scripted):
-    before = len(scripted.sent)
-    enabled.stream(*rest(enabled, 300))
-    ids = {can_id for _, can_id, _ in scripted.sent[before:]}
-    assert ids == {0x080, 0x201, 0x202, 0x77F}
-
-
 def test_late_cycles_are_counted_and_never_sent_in_a_burst(enabled, scripted):
     def slow(position):
         calls.append(position)
@@ -126,18 +85,3 @@ def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(enabled, scripted):
     np.testing.assert_allclose(samples.position[:, Y], expected)
     assert list(np.flatnonzero(~samples.valid[:, Y])) == [3]
     assert samples.valid[:, X].all()
-
-
-def test_old_tpdos_beside_every_new_one_stop_the_stage(enabled, scripted):
-    enabled.sink = lambda sample: scripted.deliver(0x182, struct.pack("<Hih", 0x227, 5, 0))
-    with pytest.raises(AxisFault, match=r"^axis y: .*more than one TPDO 0x182 .* node id 2\?"):
-        enabled.stream(*rest(enabled, 20))
-    assert not enabled.enabled
-
-
-def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(enabled, scripted):
-    start = scripted.clock.now
-    enabled.stream(*rest(enabled, 1000))
-    beats = [t for t, can_id, _ in scripted.sent if can_id == 0x77F and t > start]
-    assert len(beats) in (9, 10, 11)
-    assert max(np.diff(beats)) <= 130_000_000

@@ -89,8 +89,3 @@ def test_rows_decode_to_si_units_with_what_is_missing_marked():
     assert np.isnan(found.arrival[1, 0])
     assert found.arrival[1, 1] == pytest.approx(300e-9)
     assert np.isinf(found.doubt).all()
-
-
-def test_targets_may_be_velocities():
-    rows = array("q", sample(0, True, True))
-    assert decode_rows(rows, [X, X], [1e-6, 1e-6]).position_demand[0, 1] == pytest.approx(1e-4)

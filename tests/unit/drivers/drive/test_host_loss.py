@@ -7,7 +7,6 @@ from drivers.drive.host_loss import watch_host
 from drivers.errors import NodeError
 
 QUICK_STOP = 3
-READ_ONLY, ABSENT = 0x06010002, 0x06020000
 
 
 @pytest.fixture
@@ -19,40 +18,12 @@ def watched(stage, clauses):
     return watch_host(stage.axes[0].node, QUICK_STOP, clauses.append)
 
 
-def test_the_hosts_heartbeat_is_watched_for_half_a_second(stage, scripted, clauses):
-    drive = scripted.drives[0]
-    drive.objects[0x1016, 1] = drive.objects[0x6007, 0] = 0
-    assert watched(stage, clauses) is None
-    assert drive.objects[0x1016, 1] == 127 << 16 | 500
-    assert drive.objects[0x6007, 0] == QUICK_STOP
-    assert clauses == []
-
-
-def test_a_drive_that_refuses_the_heartbeat_does_not_notice(stage, scripted, clauses):
-    scripted.drives[0].objects[0x1016, 1] = 0
-    scripted.drives[0].refuse_write[0x1016, 1] = READ_ONLY
-    ref, why = watched(stage, clauses)
-    assert ref == od.HEARTBEAT_CONSUMER
-    assert why.startswith("is 0, not 8323572 (")
-    assert why.endswith(": the drive does not notice that its host is lost, and stays under power")
-
-
 def test_a_drive_that_watches_no_heartbeat_at_all_does_not_notice(stage, scripted, clauses):
     """Some keep 0x1016:01 and watch nothing: their number of entries is 0."""
     scripted.drives[0].objects[0x1016, 0] = 0
     ref, why = watched(stage, clauses)
     assert ref == od.HEARTBEAT_CONSUMER
     assert why.startswith("0x1016:00 number of heartbeats watched is 0: ")
-
-
-def test_a_drive_without_a_reaction_does_nothing(stage, scripted, clauses):
-    scripted.drives[0].objects[0x6007, 0] = 0
-    scripted.drives[0].stuck.add((0x6007, 0))
-    ref, why = watched(stage, clauses)
-    assert ref == od.ABORT_CONNECTION_OPTION
-    assert why == (
-        "is 0, not 3: the drive does nothing when its host is lost, and stays under power"
-    )
 
 
 @pytest.mark.parametrize(
@@ -70,12 +41,6 @@ def test_another_reaction_is_a_limitation(stage, scripted, clauses, held, reacti
     (clause,) = clauses
     assert clause.startswith("0x6007:00 abort connection option code is ")
     assert clause.endswith(reaction)
-
-
-def test_a_reaction_that_is_not_offered_is_a_limitation(stage, scripted, clauses):
-    scripted.drives[0].refuse[0x6007, 0] = ABSENT
-    assert watched(stage, clauses) is None
-    assert "is not offered: without its host the reaction is manufacturer" in clauses[0]
 
 
 def test_silence_is_an_error(stage, scripted, clauses):

@@ -2,37 +2,14 @@
 
 import pytest
 
-from drivers.drive import Control, Mode
+from drivers.drive import Control
 from drivers.errors import AxisFault, ConfigurationError, LimitError
-
-Words = list[tuple[int, int]]
 
 
 @pytest.fixture
 def enabled(stage, acknowledging):
     stage.enable()
     return stage
-
-
-def test_a_move_ends_enabled_in_csp_with_the_target_held(enabled, scripted, acknowledging):
-    acknowledging()
-    for drive in scripted.drives:
-        drive.writes.clear()
-    enabled.move_to("x", 2e-3, 0.1, 1.0)
-    assert [v for i, _, v in scripted.drives[0].writes if i == 0x6060] == [
-        Mode.PROFILE_POSITION, Mode.CYCLIC_SYNC_POSITION,
-    ]  # fmt: skip
-    assert enabled.enabled
-    assert enabled.targets[0] == pytest.approx(2e-3)
-    assert enabled.targets[1] == pytest.approx(1.234e-6)
-
-
-def test_only_the_first_of_several_targets_takes_effect_at_once(enabled, acknowledging):
-    words = acknowledging()
-    enabled.move_to("x", [1e-3, 2e-3, 3e-3], 0.1, 1.0)
-    edges = [(word, target) for word, target in words if word & Control.NEW_SETPOINT]
-    assert [target for _, target in edges] == [1_000_000, 2_000_000, 3_000_000]
-    assert [bool(word & Control.CHANGE_IMMEDIATELY) for word, _ in edges] == [True, False, False]
 
 
 def test_after_relative_targets_csp_gets_a_position_not_a_distance(

@@ -8,8 +8,6 @@ from drivers.drive import Control
 from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.stage import Stage
 
-Words = list[tuple[int, int]]
-
 
 @pytest.fixture
 def words(stage, acknowledging):
@@ -99,25 +97,6 @@ def test_the_profile_is_written_only_where_it_changes(moves, scripted):
     assert [i for i, _, _ in drive.writes if i in (0x6081, 0x6083)] == [0x6081]
 
 
-def test_a_halted_move_cannot_be_waited_for(moves, scripted):
-    moves.to("x", 1e-3)
-    for drive in scripted.drives:
-        drive.on_sync = lambda drive, count: setattr(drive, "bits", 0)  # under way
-    moves.halt()
-    with pytest.raises(AxisFault, match=r"^axis x: is halted: resume it first"):
-        moves.wait()
-    assert moves.halted
-
-
-def test_halt_sets_bit_8_on_all_axes_until_resume(moves, scripted):
-    moves.to("x", 1e-3)
-    moves.halt()
-    assert all(d.latched[0] & Control.HALT for d in scripted.drives)
-    moves.resume()
-    assert not any(d.latched[0] & Control.HALT for d in scripted.drives)
-    assert not moves.halted
-
-
 def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(moves, scripted):
     def on_sync(drive, count):
         word, _, offset = drive.latched
@@ -133,12 +112,3 @@ def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(
     ):
         moves.wait()
     moves.halt()  # so that the end of the block does not wait again
-
-
-def test_the_end_of_the_block_sets_csps_target_to_where_the_axis_ends(stage, words):
-    with stage.profile_moves(0.1, 1.0) as moves:
-        moves.to("x", 1e-3)
-        moves.to("x", 1e-3, relative=True)
-    assert stage.enabled
-    assert stage.targets[0] == pytest.approx(stage.positions[0])
-    assert stage.targets[1] == pytest.approx(1.234e-6)

@@ -7,7 +7,6 @@ from drivers.errors import AxisFault
 
 ENABLED, NOW, NEW = 0x0F, int(Control.CHANGE_IMMEDIATELY), int(Control.NEW_SETPOINT)
 START = 1234
-Words = list[tuple[int, int]]
 
 
 def test_the_target_and_bit_5_are_there_before_bit_4_rises(enabled, acknowledging):
