@@ -35,15 +35,6 @@ def test_the_state_goes_on_where_the_last_sample_was():
     np.testing.assert_allclose(second[5:], whole[half + 5 :], atol=0.05)
 
 
-def test_noise_of_an_axis_at_rest_moves_nothing():
-    rng = np.random.default_rng(1)
-    state = FrictionState.relaxed(10)
-    state.correct(3.0, GMS)
-    noise = rng.uniform(-0.4, 0.4, 200) * REST_BAND
-    force, _ = follow(GMS, state, noise, np.zeros(200), TS)
-    np.testing.assert_allclose(force, 3.0, rtol=1e-12)
-
-
 def test_a_law_without_presliding_takes_one_step_a_sample():
     path = 1e-4 * np.sin(np.linspace(0.0, 3.0, 60))
     once, often = (

@@ -71,16 +71,6 @@ def test_sensitivities_are_derivatives_of_the_force(friction, column):
     np.testing.assert_allclose(found, numeric, atol=2e-3 * np.abs(found).max())
 
 
-def test_both_directions_are_mirror_images(friction):
-    position = there_and_back()
-    forces = []
-    for sign in (1.0, -1.0):
-        made = Pass(friction, sign * position)
-        made.rest = made.rest._replace(total=0.5 * sign)
-        forces.append(sign * made.columns(made.p)[RESIDUAL])
-    np.testing.assert_allclose(*forces, atol=1e-9)
-
-
 def test_the_state_at_the_end_is_that_of_the_last_sample(friction):
     made = Pass(friction, there_and_back())
     forces, slips = np.zeros(count_states(friction)), np.zeros(count_states(friction), bool)

@@ -35,24 +35,6 @@ def test_what_is_kept_of_a_relaxation_falls_with_the_period():
     assert short.retained == pytest.approx(np.exp(-GMS.relaxation_rate * 1e-4), rel=1e-3)
 
 
-def test_a_relaxed_axis_has_no_friction_and_rests_at_its_place():
-    state = FrictionState.relaxed(10, 0.02)
-    assert state.total == 0.0
-    assert not state.slipping.any()
-    assert state.memory.tolist() == [0.0, 0.02]
-
-
-def test_a_copy_is_independent():
-    state = FrictionState.relaxed(3)
-    other = state.copy()
-    other.forces[:] = 1.0
-    other.slipping[:] = True
-    other.settle_at(0.5)
-    assert state.total == 0.0
-    assert not state.slipping.any()
-    assert state.memory[1] == 0.0
-
-
 def test_another_coulomb_force_scales_the_elements():
     state = FrictionState.relaxed(4)
     state.forces[:] = [1.0, -2.0, 0.5, 0.0]

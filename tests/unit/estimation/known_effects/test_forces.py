@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from estimation.known_effects import KnownForces, KnownTerms, Path, directions
+from estimation.known_effects import KnownForces, KnownTerms, Path
 from estimation.known_effects.terms import Base
 from stagedata import FrictionFigures
 
@@ -106,9 +106,3 @@ def test_friction_over_velocity_goes_with_the_stated_figures_and_known_factors()
     forces = KnownForces(terms, MASS, FRICTION, TS)
     way = path(np.array([0.0, 1e-4, 2e-4]))
     np.testing.assert_allclose(forces.along(way, forces.at_start()), 6.0 + 1.5 * 20.0 * 0.1)
-
-
-def test_directions_ignore_noise():
-    noise = 1e-9 * np.array([0.0, 1.0, -1.0, 1.0, 0.0])
-    position = np.concatenate((noise, 1e-6 + noise, 1e-6 - 5e-9 + 0 * noise, [0.0]))
-    np.testing.assert_array_equal(directions(position), [0.0] * 5 + [1.0] * 5 + [-1.0] * 5 + [-1.0])

@@ -38,22 +38,8 @@ def test_both_directions_alike_are_no_factor_that_differs():
     assert KnownTerms(time_factors=[lambda t: t]).has_coulomb_factor
 
 
-def test_two_axes_do_not_share_their_lists():
-    one, other = KnownTerms(), KnownTerms()
-    one.forces.append(lambda x: x)
-    assert not other.has_forces
-
-
 GMS = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 COULOMB = FrictionFigures(0, 6.0, 20.0, 0.0, 0.0, 0.4, 2e-3, 1.0, "coulomb")
-
-
-def test_ratios_multiply_and_the_relaxation_stays():
-    found = known_figures(KnownTerms(coulomb=1.5, viscous=0.5, stiffness=2.0), GMS)
-    assert (found.coulomb, found.viscous, found.stiffness) == (9.0, 10.0, 1.2e6)
-    assert found.relaxation_rate == GMS.relaxation_rate
-    assert found.attraction == pytest.approx(1.5 * GMS.attraction)
-    assert found.static_ratio == GMS.static_ratio
 
 
 def test_the_static_ratio_is_replaced_also_by_zero():

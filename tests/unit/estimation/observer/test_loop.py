@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimation.observer import Carriage, Mode
-from estimation.observer.loop import DEVIATION, INTEGRAL, SLOPE, period_maps
+from estimation.observer.loop import DEVIATION, INTEGRAL, period_maps
 from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, PERIOD, Plant
 
 
@@ -31,18 +31,6 @@ def test_a_period_is_that_of_small_steps() -> None:
         before = offset
     assert state[DEVIATION] == pytest.approx(plant.deviation, rel=2e-3)
     assert state[INTEGRAL] == pytest.approx(plant.integral, rel=2e-3)
-
-
-def test_without_integrator_a_force_moves_the_springs() -> None:
-    maps = period_maps(replace(DRIVE, ki=0.0), CARRIAGE, PERIOD)
-    keep = [k for k in range(5) if k != INTEGRAL]
-    rest = np.eye(4) - maps.transition[np.ix_(keep, keep)]
-    state = np.linalg.solve(rest, maps.disturbance[keep])
-    assert state[DEVIATION] == pytest.approx(-1.0 / (DRIVE.kp + CARRIAGE.stiffness))
-    # the low-pass holds what its present input will add: gain times deviation
-    assert state[SLOPE - 0] == pytest.approx(
-        -state[DEVIATION] * -1e-4 / (8.842e-4 + 1e-4) / 1e-4, rel=1e-6
-    )
 
 
 @pytest.mark.parametrize("delay", [0.1e-3, 0.25e-3, 0.31e-3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.offline.unknowns import COULOMB, FIGURES, VISCOUS, chosen, unknowns
+from estimation.offline.unknowns import VISCOUS, unknowns
 from stagedata import FrictionFigures
 
 FRICTION = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
@@ -50,9 +50,3 @@ def test_no_viscous_friction_still_has_a_scale():
     found = unknowns(FRICTION.with_figures({"viscous": 0.0}), 8.0, 1e-3)
     assert found.scale[VISCOUS] > 0.0
     assert found.values(found.mean)[VISCOUS] == 0.0
-
-
-def test_chosen_is_a_mask(u):
-    mask = chosen(len(FIGURES), (COULOMB, VISCOUS))
-    assert mask.sum() == 2
-    assert mask[COULOMB]
