@@ -12,10 +12,13 @@ test that fails while the machine was there has failed.
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+import canopen
 import hypothesis
 import pytest
 
@@ -46,6 +49,18 @@ hypothesis.settings.register_profile(
     "any-machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile("any-machine")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _each_eds_is_parsed_once():
+    """To parse it takes canopen longer than most tests take, and each stage has two axes."""
+    parse = canopen.import_od
+    once = functools.cache(lambda path, node, content: parse(path, node))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            canopen, "import_od", lambda path, node=None: once(path, node, Path(path).read_bytes())
+        )
+        yield
 
 
 @pytest.fixture(scope="session")

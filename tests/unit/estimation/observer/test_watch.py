@@ -127,7 +127,7 @@ def test_a_slow_vibration_does_not_take_the_observer_out(frequency: float) -> No
 @pytest.mark.parametrize("carriage", [CARRIAGE, SLIDING])
 def test_pushes_and_noise_are_no_alarm(carriage: Carriage) -> None:
     """Half of Fc either way, three times a second, some at once and some slowly."""
-    steps = np.repeat(np.random.default_rng(3).uniform(-3.0, 3.0, 12), 300)
+    steps = np.repeat(np.random.default_rng(3).uniform(-3.0, 3.0, 6), 300)
     slow = np.convolve(steps, np.full(60, 1 / 60), "same")
     for pushes in (steps, slow):
         assert run(pushes, Plant(DRIVE, carriage)).findings == []

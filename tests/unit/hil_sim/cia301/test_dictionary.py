@@ -36,7 +36,7 @@ def eds() -> configparser.RawConfigParser:
 
 @pytest.fixture(scope="module")
 def dictionary() -> canopen.ObjectDictionary:
-    return canopen.import_od(str(EDS_PATH), node_id=5)
+    return canopen.import_od(str(EDS_PATH), 5)
 
 
 def variables(dictionary):
@@ -46,7 +46,7 @@ def variables(dictionary):
 
 def test_canopen_loads_it_without_a_warning(caplog):
     with caplog.at_level(logging.WARNING):
-        canopen.import_od(str(EDS_PATH), node_id=1)
+        canopen.objectdictionary.import_od(str(EDS_PATH), 1)
     assert caplog.records == []
 
 
@@ -109,7 +109,7 @@ def test_file_and_device_information(eds, dictionary):
 
 
 def test_drive_serves_every_readable_object(host):
-    for v in variables(canopen.import_od(str(EDS_PATH), node_id=1)):
+    for v in variables(canopen.import_od(str(EDS_PATH), 1)):
         if v.index == 0x1003 and v.subindex:
             continue  # empty
         if v.data_type == datatypes.REAL64 or v.data_type == datatypes.VISIBLE_STRING:
