@@ -222,7 +222,9 @@ def test_whatever_is_written_has_a_quantity(stage_machine):
     units = {"velocity_unit": "1 um/s", "acceleration_unit": "1 mm/s^2"}
     # no setting has its default, so that all of them are written
     changed = {"following_error": 2e-3, "travel": (-0.1, 0.1), "peak_force": 60.0}
-    with open_stage(with_units(stage_machine, **units), tap=see, **changed)[0] as stage:
+    sync = {"sync_counter": 10, "sync_window": 0.5e-3}
+    machine = with_units(stage_machine, **units)
+    with open_stage(machine, tap=see, bus=sync, **changed)[0] as stage:
         power_up(stage)
         stage.hold(0.02)
         stage.move_to("x", stage.targets[0] + 1e-3, velocity=0.05, acceleration=1.0)
