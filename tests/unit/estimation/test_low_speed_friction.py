@@ -4,39 +4,37 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from estimation.low_speed_friction import LowSpeedFriction
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 
-F64 = NDArray[np.float64]
 PERIOD, MASS, COULOMB, VISCOUS = 1e-3, 8.0, 6.0, 12.0
 LIMITS = Limits(velocity=0.3, acceleration=3.0, jerk=60.0)
 
 
-def decelerate(
-    number: int, extra: F64 | float = 0.0, to: float = 0.05
-) -> tuple[F64, F64, F64, F64]:
-    """Position, force, model's friction and velocity of a long move; `extra` acts besides."""
+def decelerate(number, level=0.0, speed=12e-3, to=0.05):
+    """Position, force and model's friction of a long move.
+
+    Besides acts a force of this level [N] that dies out with this speed [m/s].
+    """
     motion = plan(0.0, to, LIMITS)
     time = np.arange(round(motion.duration / PERIOD) + 30) * PERIOD
     position, velocity, acceleration = motion.sample(time)
     friction = COULOMB * np.sign(velocity)
     noise = np.random.default_rng(number)
+    extra = extra_force(level, speed, velocity)
     force = MASS * acceleration + friction + VISCOUS * velocity + extra
     return (
         position + noise.normal(0.0, 1e-9, len(time)),
         force + noise.normal(0.0, 0.01, len(time)),
         friction,
-        velocity,
     )
 
 
-def extra_force(level: float, speed: float, velocity: F64) -> F64:
-    """A force that dies out with speed."""
+def extra_force(level, speed, velocity):
     share = velocity / speed
-    return np.asarray(level * np.tanh(5.0 * share) * np.exp(-np.abs(share)))
+    return level * np.tanh(5.0 * share) * np.exp(-np.abs(share))
 
 
 @pytest.mark.parametrize("level", [3.0, -2.0])
@@ -46,11 +44,7 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
     found = LowSpeedFriction(COULOMB, PERIOD)
     changes = 0
     for number in range(4):
-        there = to * (-1) ** number
-        *_, velocity = decelerate(number, to=there)
-        extra = extra_force(level, speed, velocity)
-        position, force, friction, _ = decelerate(number, extra, there)
-        changes += found.learn(position, force, friction, COULOMB)
+        changes += found.learn(*decelerate(number, level, speed, to * (-1) ** number), COULOMB)
         assert not (number == 0 and found.level)
     assert found.level
     assert changes == 1
@@ -64,9 +58,7 @@ def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
     """Of those that are there as if none were lost; from lost ones nothing is learned."""
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number, to in enumerate((0.05, 0.05, 0.1)):
-        *_, velocity = decelerate(number, to=to)
-        extra = extra_force(3.0, 12e-3, velocity)
-        position, force, friction, _ = decelerate(number, extra, to)
+        position, force, friction = decelerate(number, 3.0, to=to)
         found.learn(position, force, friction, COULOMB)
     valid = np.ones(len(position), dtype=np.bool_)
     whole = found.without(MoveData(position, force, valid, 0.0, 0.0))
@@ -80,8 +72,7 @@ def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
 def test_the_right_model_leaves_nothing() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
-        position, force, friction, _ = decelerate(number)
-        assert not found.learn(position, force, friction, COULOMB)
+        assert not found.learn(*decelerate(number), COULOMB)
     assert found.level == 0.0
     assert found.describe() == []
 
@@ -90,7 +81,7 @@ def test_a_motor_that_saturates_is_not_friction() -> None:
     """The drive reports the force that it asks for; at large ones the motor makes less."""
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
-        position, force, friction, _ = decelerate(number)
+        position, force, friction = decelerate(number)
         found.learn(position, force * (1.0 + (force / 60.0) ** 2), friction, COULOMB)
     assert not found.level
 
@@ -98,10 +89,7 @@ def test_a_motor_that_saturates_is_not_friction() -> None:
 def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number, level in enumerate((2.0, -1.5, 0.5, -2.0)):
-        *_, velocity = decelerate(number)
-        extra = extra_force(level, 9e-3, velocity)
-        position, force, friction, _ = decelerate(number, extra)
-        found.learn(position, force, friction, COULOMB)
+        found.learn(*decelerate(number, level, 9e-3), COULOMB)
         assert not found.level
     assert found.level == 0.0
 
@@ -111,20 +99,14 @@ def test_one_group_of_moves_alone_shows_nothing() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(8):
         to = 0.05 * (-1) ** number
-        *_, velocity = decelerate(number, to=to)
-        extra = extra_force(2.0, 12e-3, velocity) * (to > 0.0)
-        position, force, friction, _ = decelerate(number, extra, to)
-        found.learn(position, force, friction, COULOMB)
+        found.learn(*decelerate(number, 2.0 * (to > 0.0), to=to), COULOMB)
         assert not found.level
     for number in range(8):
-        *_, velocity = decelerate(number)
-        position, force, friction, _ = decelerate(number, extra_force(2.0, 12e-3, velocity))
-        found.learn(position, force, friction, COULOMB)
+        found.learn(*decelerate(number, 2.0), COULOMB)
         assert not found.level
 
 
 def test_a_short_record_says_nothing() -> None:
     found = LowSpeedFriction(COULOMB, PERIOD)
-    position, force, friction, _ = decelerate(0)
-    assert not found.learn(position[:40], force[:40], friction[:40], COULOMB)
+    assert not found.learn(*(signal[:40] for signal in decelerate(0)), COULOMB)
     assert found.level == 0.0
