@@ -4,9 +4,9 @@ Asked for with a bus of python-can's own, not one of ours: what ours does wrong 
 skipped. With STAGECTL_REQUIRE_MULTICAST=1, as in `.ci/run`, a machine without is a failure.
 """
 
-from __future__ import annotations
-
+import json
 import os
+import socket
 
 import can
 import pytest
@@ -14,7 +14,7 @@ import pytest
 REQUIRED = "STAGECTL_REQUIRE_MULTICAST"
 
 
-def require_multicast(group: str) -> None:
+def require_multicast(group):
     """Skips, or fails, where a frame sent to this group does not come back."""
     try:
         with can.Bus(interface="udp_multicast", channel=group) as bus:
@@ -26,3 +26,11 @@ def require_multicast(group: str) -> None:
         pytest.fail(f"no multicast on this machine: {problem}, and {REQUIRED} is set")
     if problem:
         pytest.skip(f"udp_multicast NOT TESTED: no multicast on this machine: {problem}")
+
+
+def require_multicast_on_own_port(group, patch):
+    """The same on a port of our own, for this environment: every group is heard on a port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        patch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
+    require_multicast(group)

@@ -16,9 +16,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
-import json
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -34,7 +32,7 @@ from drivers.cyclic import RealTime
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
-from tests.multicast import require_multicast
+from tests.multicast import require_multicast_on_own_port
 
 START = (-5e-4, -4e-4)
 MULTICAST_GROUP = "239.74.163.2"
@@ -184,13 +182,8 @@ def _process(machine, interface, channel, period=REAL_TIME_PERIOD):
 
 
 def _udp_multicast(machine):
-    # Every group is heard on a port, so a port of our own keeps other runs out.
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        port = probe.getsockname()[1]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CAN_CONFIG", json.dumps({"port": port}))
-        require_multicast(MULTICAST_GROUP)
+        require_multicast_on_own_port(MULTICAST_GROUP, patch)
         yield from _process(machine, "udp_multicast", MULTICAST_GROUP)
 
 

@@ -8,14 +8,12 @@ import os
 import signal
 import struct
 import subprocess
-import sys
 import time
-from pathlib import Path
 
 import can
 import pytest
 
-from tests.signals import listening
+from tests.processes import start
 
 INTERFACE = "stagevcan"
 DEADLINE = 30.0
@@ -96,16 +94,8 @@ class Master:
 @pytest.mark.usefixtures("interface")
 @pytest.mark.parametrize("bus", on_a_vcan)
 def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus):
-    root = str(Path(__file__).parents[2])
-    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    with subprocess.Popen(
-        [sys.executable, "-m", "stagectl", "sim", "--bus", bus],
-        env=os.environ | {"PYTHONPATH": path}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=listening,
-    ) as drives:  # fmt: skip
+    with start("sim", "--bus", bus) as drives:
         try:
-            assert drives.stdout is not None
-            assert drives.stderr is not None
             assert "node 1" in drives.stdout.readline()
             master = Master()
             master.write(0x6060, 0, "b", 1)

@@ -4,34 +4,17 @@
 records the times. The journal holds all samples until then.
 """
 
-import json
-import os
 import signal
-import socket
 import struct
 import subprocess
-import sys
 import time
-from pathlib import Path
 
 import can
 import pytest
-import yaml
 
-from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording, recover_left_over
-from tests.multicast import require_multicast
-from tests.signals import listening
+from tests.processes import buses, drives_on, slow_machine, start
 
-INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
-BUSES = [
-    pytest.param("udp_multicast:239.74.163.78", id="udp_multicast"),
-    pytest.param(
-        f"socketcan:{INTERFACE}",
-        id="socketcan",
-        marks=pytest.mark.skipif(not INTERFACE, reason="run by test_vcan.py on a bus of its own"),
-    ),
-]
 HOST_HEARTBEAT, LOST = 0x77F, 0x8130
 CONFIGURED = 0.5
 """What the host sets in 0x1016 [s]."""
@@ -91,75 +74,46 @@ def until(condition, onlooker, seconds, what):
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("bus", BUSES)
+@pytest.mark.parametrize("bus", buses("239.74.163.78"))
 def test_the_host_is_killed_in_the_middle_of_a_move(bus, tmp_path, monkeypatch):
-    interface, channel = bus.split(":", 1)
-    if interface == "udp_multicast":  # every group is heard on a port: one of our own
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("", 0))
-            monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
-        require_multicast(channel)
-    machine = yaml.safe_load(load_machine().text)
-    machine["bus"] |= {"sync_period": 0.01, "max_missed": 20}
-    if interface == "udp_multicast":
-        machine["bus"]["realtime"] = {"priority": 50}
-    for axis in machine["axes"].values():
-        axis["homing"] = {"method": 37}  # where it stands: this is about something else
-    (tmp_path / "machine.yaml").write_text(yaml.safe_dump(machine))
+    """On UDP multicast and on socketcan."""
+    machine = slow_machine(tmp_path, bus, monkeypatch)
     (tmp_path / "recipe.yaml").write_text(RECIPE)
-    root = str(Path(__file__).parents[2])
-    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"PYTHONPATH": path}
-    stagectl = [sys.executable, "-m", "stagectl"]
-    common = ["--machine", "machine.yaml", "--bus", bus]
+    interface, channel = bus.split(":")
     out = tmp_path / "out"
     journal = out / "recording.journal"
-
-    def start(*arguments):
-        return subprocess.Popen(
-            [*stagectl, *arguments, *common], cwd=tmp_path, env=environment, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, preexec_fn=listening,
-        )  # fmt: skip
-
-    with start("sim") as drives, can.Bus(interface=interface, channel=channel) as tap:
+    run = ("run", "recipe.yaml", "--machine", machine, "--bus", bus, "--out", "out")
+    with drives_on(bus, machine), can.Bus(interface=interface, channel=channel) as tap:
         onlooker = Onlooker(tap)
-        try:
-            assert drives.stdout is not None
-            assert "node 1" in drives.stdout.readline()
-            with start("run", "recipe.yaml", "--out", "out") as host:
-                try:
+        with start(*run, cwd=tmp_path, stderr=subprocess.STDOUT) as host:
+            try:
 
-                    def recorded():
-                        assert host.poll() is None, host.communicate()
-                        return journal.exists() and journal.stat().st_size > 12_000
+                def recorded():
+                    assert host.poll() is None, host.communicate()
+                    return journal.exists() and journal.stat().st_size > 12_000
 
-                    until(recorded, onlooker, 400, "no samples")
-                finally:
-                    host.send_signal(signal.SIGKILL)
-            kept = journal.stat().st_size
-            until(lambda: len(onlooker.lost) == 2, onlooker, 60, "the drives have not noticed")
-            took = [at - onlooker.last_host_heartbeat for at in onlooker.lost.values()]
-            # by that heartbeat and nothing else: to the instant in virtual time (test_drive.py);
-            # here frames wait for the drives, so later is no fault of theirs
-            assert min(took) > CONFIGURED - 0.1
-            until(
-                lambda: all(onlooker.read(n, 0x6041, "H") & 0x6F != 0x27 for n in (1, 2)),
-                onlooker, 60, "the drives have not stopped",
-            )  # fmt: skip
-            time.sleep(0.3)
-            before = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
-            time.sleep(0.2)
-            after = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
-            # 4 mm at the speed it had; without power it rings on its presliding stiffness
-            assert max(abs(a - b) for a, b in zip(after, before, strict=True)) < 50_000  # nm
-            assert [onlooker.read(node, 0x603F, "H") for node in (1, 2)] == [LOST] * 2
-        finally:
-            drives.send_signal(signal.SIGINT)
-            drives.communicate(timeout=60)
+                until(recorded, onlooker, 400, "no samples")
+            finally:
+                host.send_signal(signal.SIGKILL)
+        kept = journal.stat().st_size
+        until(lambda: len(onlooker.lost) == 2, onlooker, 60, "the drives have not noticed")
+        took = [at - onlooker.last_host_heartbeat for at in onlooker.lost.values()]
+        # by that heartbeat and nothing else: to the instant in virtual time (test_drive.py);
+        # here frames wait for the drives, so later is no fault of theirs
+        assert min(took) > CONFIGURED - 0.1
+        until(
+            lambda: all(onlooker.read(n, 0x6041, "H") & 0x6F != 0x27 for n in (1, 2)),
+            onlooker, 60, "the drives have not stopped",
+        )  # fmt: skip
+        time.sleep(0.3)
+        before = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
+        time.sleep(0.2)
+        after = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
+        # 4 mm at the speed it had; without power it rings on its presliding stiffness
+        assert max(abs(a - b) for a, b in zip(after, before, strict=True)) < 50_000  # nm
+        assert [onlooker.read(node, 0x603F, "H") for node in (1, 2)] == [LOST] * 2
     assert journal.stat().st_size == kept
     recovered = recover_left_over(out)
-    assert recovered is not None
-    assert recovered.content is not None
     assert recovered.content.notes.outcome == "killed"
     recording = read_recording(out / "recording.h5")
     assert len(recording) > 100

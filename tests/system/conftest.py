@@ -1,24 +1,20 @@
 """Whole runs: in this process through the session, and as users start them."""
 
-from __future__ import annotations
-
 import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from hil_sim.bus import FaultPlan
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
 from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
 from stagectl.sequencer import Mode
 from tests.command import stagectl
-from tests.postgres import Server, serve
+from tests.postgres import serve
+from tests.processes import start
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
@@ -28,19 +24,17 @@ Stagectl = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture(scope="session")
-def machine() -> Machine:
+def machine():
     return load_machine()
 
 
 @pytest.fixture(scope="session")
-def altered() -> Callable[..., Machine]:
+def altered():
     """The machine with both axes' friction figures times these; `rate` is that of C/Fc."""
     return _altered
 
 
-def _altered(
-    machine: Machine, coulomb: float, viscous: float, stiffness: float, rate: float
-) -> Machine:
+def _altered(machine, coulomb, viscous, stiffness, rate):
     lines = []
     for line in machine.text.splitlines():
         key, _, value = line.strip().partition(":")
@@ -56,22 +50,22 @@ def _altered(
 
 
 @pytest.fixture(scope="session")
-def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(machine, tmp_path_factory):
     """Run a recipe on the virtual stage, over the lock-step CAN bus."""
 
     def go(
-        mode: str = "estimated",
-        seed: int = 1,
-        scale: float = 1.0,
-        truth: Machine | None = None,
-        recipe: Path = RECIPE,
-        folder: Path | None = None,
-        listener: Listener | None = None,
-        observer: bool = True,
-        host: Machine | None = None,
-        faults: FaultPlan | None = None,
-        measured: Machine | None = None,
-    ) -> RunResult:
+        mode="estimated",
+        seed=1,
+        scale=1.0,
+        truth=None,
+        recipe=RECIPE,
+        folder=None,
+        listener=None,
+        observer=True,
+        host=None,
+        faults=None,
+        measured=None,
+    ):
         """Run a recipe: many arguments, for each of them is what some test is about."""
         host = host or machine
         request = RunRequest(
@@ -95,33 +89,32 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.fixture(scope="session")
-def typical(run: Run, tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path]:
+def typical(run, tmp_path_factory):
     """A run from half of all friction figures on the stage as modelled, and its folder."""
     folder = tmp_path_factory.mktemp("typical") / "run"
     return run("estimated", 1, 0.5, folder=folder), folder
 
 
 @pytest.fixture(scope="session")
-def server() -> Iterator[Server]:
+def server():
     """A PostgreSQL server of our own."""
     with serve() as server:
         yield server
 
 
 @pytest.fixture(scope="session", name="stagectl")
-def _stagectl() -> Stagectl:
+def _stagectl():
     """The command in this process."""
     return stagectl
 
 
 @pytest.fixture(scope="session")
-def process() -> Stagectl:
+def process():
     """The command as a process of its own: what it costs is seconds of imports."""
 
-    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "stagectl", *map(str, arguments)],
-            capture_output=True, text=True, timeout=500, check=False,
-        )  # fmt: skip
+    def call(*arguments):
+        with start(*arguments) as process:
+            out, err = process.communicate(timeout=500)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
     return call

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,9 +14,8 @@ import pytest
 from stagectl.cli import COMMANDS
 from stagectl.config import load_machine
 from stagectl.store import read_recording
-from tests.multicast import require_multicast
+from tests.processes import buses, drives_on, slow_machine, start
 from tests.short_recipe import short_recipe
-from tests.signals import listening
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
@@ -70,8 +68,8 @@ def test_completion_script(stagectl, shell):
     assert "_STAGECTL_COMPLETE" in done.stdout
 
 
-def test_run_and_json(process, tmp_path):
-    done = process("run", RECIPE, "--simulate", "--out", tmp_path / "a", "--json", "-")
+def test_run_and_json(process, short, tmp_path):
+    done = process("run", short, "--simulate", "--out", tmp_path / "a", "--json", "-")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["outcome"] == "completed"
@@ -100,12 +98,18 @@ def test_a_dry_run_checks_what_the_run_checks(stagectl, short, tmp_path):
     eds = tmp_path / "eds.yaml"
     eds.write_text(text.replace("    node: 1", "    node: 1\n    eds: torn.eds", 1))
     (tmp_path / "torn.eds").write_text("[DeviceInfo\n")
+    warm = tmp_path / "warm.yaml"
+    warm.write_text(text + "temperature: {plugin: nobody}\n")
     (tmp_path / "old.db").write_text("my notes\n" * 1000)
     (tmp_path / "file").touch()
     before = sorted(tmp_path.iterdir())
     for options, reason in (
         (["--simulate", effect], "gremlins"),
         (["--simulate", "--machine", eds, "--out", tmp_path / "o"], "torn.eds"),
+        (
+            ["--simulate", "--machine", warm],
+            "plug-in 'nobody' is not installed",
+        ),
         (["--simulate", "--history", tmp_path / "old.db"], "not an SQLite file"),
         (["--simulate", "--out", tmp_path / "file" / "o"], "is not a folder"),
     ):
@@ -115,27 +119,6 @@ def test_a_dry_run_checks_what_the_run_checks(stagectl, short, tmp_path):
         assert reason in dry.stderr
         assert wet.stderr.splitlines()[-1] == dry.stderr.splitlines()[-1]
         assert sorted(tmp_path.iterdir()) == before
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "key"),
-    [
-        ("expose: 0.02", "exposee: 0.02", "exposee"),
-        ("[-0.05, -0.05]", "[-0.05, -0.5]", "sites"),
-        ("velocity: 0.5,", "velocity: 1.5,", "velocity"),
-    ],
-    ids=["unknown key", "outside travel", "too fast"],
-)
-def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, old, new, key):
-    recipe = tmp_path / "recipe.yaml"
-    recipe.write_text(RECIPE.read_text().replace(old, new))
-    done = stagectl("run", recipe, "--simulate", "--out", tmp_path / "out")
-    assert done.returncode == 2
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    assert "recipe.yaml:" in lines[0]
-    assert key in lines[0]
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -213,28 +196,10 @@ def test_drives_that_do_not_answer_leave_the_bus_log_and_no_row(stagectl, short,
     assert (shown.returncode, shown.stderr) == (0, "")
 
 
-LONG = """
-recipe: long
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-expose: 0.02
-moves:
-  - repeat: 5000
-    moves:
-      - {to: [0.03, 0.03], kind: macro}
-      - {to: [-0.03, -0.03], kind: macro}
-fiducial: {source: none}
-"""
-
-
-def start_long(folder: Path) -> subprocess.Popen[str]:
-    (folder / "long.yaml").write_text(LONG)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "stagectl", "run", "long.yaml", "--simulate", "--out", "out"],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
-    )  # fmt: skip
+def start_long(folder):
+    """A run in the middle of its many moves."""
+    (folder / "long.yaml").write_text(short_recipe(*[(0.03, 0.03), (-0.03, -0.03)] * 1000))
+    process = start("run", "long.yaml", "--simulate", "--out", "out", cwd=folder)
     journal = folder / "out" / "recording.journal"
     deadline = time.monotonic() + 400
     while time.monotonic() < deadline:
@@ -243,17 +208,6 @@ def start_long(folder: Path) -> subprocess.Popen[str]:
         time.sleep(0.02)
     process.kill()
     raise AssertionError(f"no samples: {process.communicate()}")
-
-
-def test_a_thermometer_that_is_not_there_is_told_before_anything_moves(stagectl, short, tmp_path):
-    machine = tmp_path / "m.yaml"
-    machine.write_text(load_machine().text + "temperature: {plugin: nobody}\n")
-    done = stagectl("run", short, "--simulate", "--machine", machine, "--out", tmp_path / "out")
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert line.startswith(f"stagectl: {machine}:")
-    assert line.endswith("temperature.plugin: plug-in 'nobody' is not installed")
-    assert not (tmp_path / "out").exists()
 
 
 def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path):
@@ -284,48 +238,21 @@ def test_nothing_is_lost_when_killed(stagectl, tmp_path):
 
 
 @pytest.mark.real_time
-def test_two_processes_over_udp_multicast_in_real_time(process, tmp_path, monkeypatch):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))  # every group is heard on a port: one of our own
-        monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
-    group = "239.74.163.79"
-    require_multicast(group)
-    recipe = tmp_path / "short.yaml"
-    # 100 Hz, and 0.2 s without a drive are no fault: this is no real-time computer
-    recipe.write_text(
-        RECIPE.read_text().replace("count: [5, 4]", "count: [2, 1]").replace("-20", "-2")
-    )
-    machine = tmp_path / "slow.yaml"
-    machine.write_text(
-        load_machine().text.replace(
-            "sync_period: 0.001",
-            "sync_period: 0.01\n  max_missed: 20\n  realtime: {priority: 50}",
-        )
-    )
-    server = subprocess.Popen(
-        [
-            sys.executable, "-m", "stagectl", "sim", "--machine", str(machine),
-            "--bus", f"udp_multicast:{group}",
-        ],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
-    )  # fmt: skip
-    try:
-        assert server.stdout is not None
-        assert "node 1" in server.stdout.readline()
+@pytest.mark.parametrize("bus", buses("239.74.163.79"))
+def test_a_run_in_real_time_beside_the_drives_process(process, tmp_path, monkeypatch, bus):
+    machine = slow_machine(tmp_path, bus, monkeypatch)
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(short_recipe((0.001, 0.001), (0.003, 0.002), slow=True))
+    with drives_on(bus, machine):
         done = process(
-            "run", recipe, "--machine", machine, "--bus", f"udp_multicast:{group}",
-            "--out", tmp_path / "out", "--json", "-",
+            "run", recipe, "--machine", machine, "--bus", bus, "--out", tmp_path / "out",
+            "--json", "-",
         )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        summary = json.loads(done.stdout)
-        assert summary["outcome"] == "completed"
-        assert not summary["simulated"]
-        assert summary["macro"]["count"] >= 3
-    finally:
-        server.send_signal(signal.SIGINT)
-        server.communicate(timeout=60)
-    assert server.returncode == 0
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["outcome"] == "completed"
+    assert not summary["simulated"]
+    assert len(read_recording(tmp_path / "out" / "recording.h5").moves) == 4
 
 
 def test_a_terminal_that_cannot_show_everything(process, short, tmp_path, monkeypatch):
@@ -339,26 +266,17 @@ def test_a_terminal_that_cannot_show_everything(process, short, tmp_path, monkey
 
 def test_a_closed_pipe_does_not_stop_a_run(short, tmp_path):
     """The first site says that it did not settle; nobody reads it."""
-    command = [
-        sys.executable, "-m", "stagectl", "run", short, "--simulate", "--friction-scale", "0.5",
-        "--out", tmp_path,
-    ]  # fmt: skip
     read, write = os.pipe()
     os.close(read)
-    subprocess.run(command, stdout=write, stderr=subprocess.DEVNULL, check=False, timeout=500)
+    options = ("--simulate", "--friction-scale", "0.5", "--out", tmp_path)
+    start("run", short, *options, stdout=write, stderr=subprocess.DEVNULL).wait(500)
     os.close(write)
     assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "completed"
 
 
 def test_ctrl_c_before_anything_moves(tmp_path):
-    process = subprocess.Popen(
-        [
-            sys.executable, "-m", "stagectl", "run", RECIPE,
-            "--bus", f"virtual:nobody-{os.getpid()}", "--out", tmp_path / "out",
-        ],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, preexec_fn=listening,
-    )  # fmt: skip
+    bus = f"virtual:nobody-{os.getpid()}"
+    process = start("run", RECIPE, "--bus", bus, "--out", tmp_path / "out")
     deadline = time.monotonic() + 400
     while not (tmp_path / "out" / "bus.frames").exists() and time.monotonic() < deadline:
         time.sleep(0.02)
