@@ -10,11 +10,8 @@ inconclusive tests fail the session, so that a fault that shows now and then can
 test that fails while the machine was there has failed.
 """
 
-from __future__ import annotations
-
 import functools
 import os
-from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -64,17 +61,17 @@ def _each_eds_is_parsed_once():
 
 
 @pytest.fixture(scope="session")
-def vcan_outcome(pytestconfig: pytest.Config) -> Callable[[bool, str], None]:
+def vcan_outcome(pytestconfig):
     """To know whether the SocketCAN tests ran, and a line for the end of the session."""
 
-    def tell(ran: bool, line: str) -> None:
+    def tell(ran, line):
         pytestconfig.stash[_ran] = pytestconfig.stash[_ran] or ran
         pytestconfig.stash[_outcome].append(line)
 
     return tell
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     for name in TERMINAL:  # of this process and those that it starts
         os.environ.pop(name, None)
     config.stash[_outcome] = []
@@ -82,21 +79,21 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[_ran] = False
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: COMPILING.index(n) if (n := item.path.name) in COMPILING else 99)
     for item in items:
         if _judged(item):
             item.add_marker(pytest.mark.flaky(reruns=REPEATS, only_rerun=["DisturbedError"]))
 
 
-def _judged(item: pytest.Item) -> bool:
+def _judged(item):
     """Whether a failure counts only where the machine was there: not so with `judged=False`."""
     marker = item.get_closest_marker("real_time")
     return marker is not None and bool(marker.kwargs.get("judged", True))
 
 
 @contextmanager
-def _undisturbed(item: pytest.Item) -> Iterator[None]:
+def _undisturbed(item):
     if not _judged(item):
         yield
         return
@@ -114,26 +111,24 @@ def _undisturbed(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_setup(item: pytest.Item) -> Generator[None, None, None]:
+def pytest_runtest_setup(item):
     with _undisturbed(item):
         yield
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
+def pytest_pyfunc_call(pyfuncitem):
     with _undisturbed(pyfuncitem):
         return (yield)
 
 
-def pytest_unconfigure(config: pytest.Config) -> None:
+def pytest_unconfigure(config):
     if _watch in config.stash:
         config.stash[_watch].close()
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(
-    item: pytest.Item, call: pytest.CallInfo[None]
-) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+def pytest_runtest_makereport(item, call):
     """Notes tests that ran on a SocketCAN bus in this session, and those that stay inconclusive."""
     report = yield
     disturbed = call.excinfo is not None and isinstance(call.excinfo.value, DisturbedError)
@@ -149,7 +144,7 @@ def pytest_runtest_makereport(
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+def pytest_sessionfinish(session, exitstatus):
     config = session.config
     if (
         os.environ.get(REQUIRED)
@@ -163,9 +158,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-def pytest_terminal_summary(
-    terminalreporter: pytest.TerminalReporter, config: pytest.Config
-) -> None:
+def pytest_terminal_summary(terminalreporter, config):
     inconclusive = config.stash[_inconclusive]
     if inconclusive:
         verdict = "too many" if len(inconclusive) > FEW else f"at most {FEW} are accepted"

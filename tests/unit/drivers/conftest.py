@@ -6,7 +6,6 @@ returns; only waiting in `recv` or `clock.sleep_until_ns` moves time.
 
 import struct
 from collections import deque
-from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -49,7 +48,7 @@ class ScriptedDrive:
     def __init__(self, bus, node, rated):
         self.bus = bus
         self.node = node
-        self.objects: dict[tuple[int, int], int] = {
+        self.objects = {
             (0x1000, 0): 0x00020192,
             (0x1016, 0): 1,
             (0x1018, 1): 0x00535447,
@@ -61,11 +60,11 @@ class ScriptedDrive:
             (0x6092, 1): 1, (0x6092, 2): 1,
             (0x60A8, 0): 0xF7010000, (0x60A9, 0): 0xF7010300, (0x60AA, 0): 0xFA015700,
         }  # fmt: skip
-        self.sizes: dict[tuple[int, int], int] = {}
-        self.refuse: dict[tuple[int, int], int] = {}
-        self.refuse_write: dict[tuple[int, int], int] = {}
-        self.stuck: set[tuple[int, int]] = set()
-        self.writes: list[tuple[int, int, int]] = []
+        self.sizes = {}
+        self.refuse = {}
+        self.refuse_write = {}
+        self.stuck = set()
+        self.writes = []
         self.silent = False
         self.deaf = False
         self.mute_tpdo = 0
@@ -78,7 +77,7 @@ class ScriptedDrive:
         self.latched = (0, 0, 0)
         self.controlword = 0
         self.syncs = 0
-        self.on_sync: Callable[[ScriptedDrive, int], None] = lambda drive, count: None
+        self.on_sync = lambda drive, count: None
         self.next_beat = 0
 
     def emit(self, can_id, data):
@@ -191,13 +190,13 @@ class ScriptedBus(can.BusABC):
     def __init__(self):
         super().__init__(channel="scripted")
         self.channel_info = "scripted"
-        self.drives: list[ScriptedDrive] = []
+        self.drives = []
         self.clock = ScriptedClock(self)
-        self.sent: list[tuple[int, int, bytes]] = []
-        self.broken: Exception | None = None
+        self.sent = []
+        self.broken = None
         self.removed = False
-        self.mended_at: float = float("inf")
-        self.queue: deque[can.Message] = deque()
+        self.mended_at = float("inf")
+        self.queue = deque()
 
     def send(self, msg, timeout=None):
         if self.broken is not None and self.clock.now < self.mended_at:
@@ -218,6 +217,14 @@ class ScriptedBus(can.BusABC):
         if not self.queue and timeout:
             self.clock.sleep_until_ns(self.clock.now + round(timeout * 1e9))
         return self.queue.popleft() if self.queue else None
+
+
+@pytest.fixture
+def pair():
+    """Two ends of one of python-can's own virtual buses."""
+    bus = {"interface": "virtual", "channel": "two ends"}
+    with can.Bus(**bus) as one, can.Bus(**bus) as other:
+        yield one, other
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Friction at low speed, learned where long moves come to rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -40,7 +38,7 @@ def extra_force(level, speed, velocity):
 @pytest.mark.parametrize("level", [3.0, -2.0])
 @pytest.mark.parametrize("speed", [7e-3, 12e-3, 28e-3])
 @pytest.mark.parametrize("to", [0.05, -0.05])
-def test_level_and_speed_are_found(level: float, speed: float, to: float) -> None:
+def test_level_and_speed_are_found(level, speed, to):
     found = LowSpeedFriction(COULOMB, PERIOD)
     changes = 0
     for number in range(4):
@@ -54,7 +52,7 @@ def test_level_and_speed_are_found(level: float, speed: float, to: float) -> Non
     assert len(found.describe()) == 1
 
 
-def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
+def test_it_is_taken_off_a_move_that_has_lost_samples():
     """Of those that are there as if none were lost; from lost ones nothing is learned."""
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number, to in enumerate((0.05, 0.05, 0.1)):
@@ -69,7 +67,7 @@ def test_it_is_taken_off_a_move_that_has_lost_samples() -> None:
     np.testing.assert_allclose(rest.force[valid], whole.force[valid], atol=0.2)
 
 
-def test_the_right_model_leaves_nothing() -> None:
+def test_the_right_model_leaves_nothing():
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
         assert not found.learn(*decelerate(number), COULOMB)
@@ -77,7 +75,7 @@ def test_the_right_model_leaves_nothing() -> None:
     assert found.describe() == []
 
 
-def test_a_motor_that_saturates_is_not_friction() -> None:
+def test_a_motor_that_saturates_is_not_friction():
     """The drive reports the force that it asks for; at large ones the motor makes less."""
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(5):
@@ -86,7 +84,7 @@ def test_a_motor_that_saturates_is_not_friction() -> None:
     assert not found.level
 
 
-def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
+def test_a_force_that_differs_from_move_to_move_is_not_taken():
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number, level in enumerate((2.0, -1.5, 0.5, -2.0)):
         found.learn(*decelerate(number, level, 9e-3), COULOMB)
@@ -94,7 +92,7 @@ def test_a_force_that_differs_from_move_to_move_is_not_taken() -> None:
     assert found.level == 0.0
 
 
-def test_one_group_of_moves_alone_shows_nothing() -> None:
+def test_one_group_of_moves_alone_shows_nothing():
     """What acts in one direction alone, or at the end of one path, is not friction over speed."""
     found = LowSpeedFriction(COULOMB, PERIOD)
     for number in range(8):
@@ -106,7 +104,7 @@ def test_one_group_of_moves_alone_shows_nothing() -> None:
         assert not found.level
 
 
-def test_a_short_record_says_nothing() -> None:
+def test_a_short_record_says_nothing():
     found = LowSpeedFriction(COULOMB, PERIOD)
     assert not found.learn(*(signal[:40] for signal in decelerate(0)), COULOMB)
     assert found.level == 0.0

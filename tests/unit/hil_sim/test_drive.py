@@ -1,7 +1,5 @@
 """The virtual drive as a node: its counter, SYNC, faults that are injected."""
 
-from __future__ import annotations
-
 import pytest
 
 

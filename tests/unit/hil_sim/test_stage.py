@@ -1,7 +1,5 @@
 """The stage as a whole, on the simulated plant."""
 
-from __future__ import annotations
-
 import struct
 
 import can

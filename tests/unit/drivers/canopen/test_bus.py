@@ -9,16 +9,6 @@ from drivers.settings import BusSettings
 from tests.multicast import require_multicast
 
 
-@pytest.fixture
-def pair():
-    """Two ends of one of python-can's own virtual buses."""
-    with (
-        can.Bus(interface="virtual", channel="test_bus") as a,
-        can.Bus(interface="virtual", channel="test_bus") as b,
-    ):
-        yield a, b
-
-
 def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair):
     network = Network(pair[0], "virtual:test_bus")
     got = []

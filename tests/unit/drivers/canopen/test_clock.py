@@ -3,9 +3,6 @@
 import time
 from types import SimpleNamespace
 
-import can
-import pytest
-
 from drivers.canopen import Clock, MonotonicClock, stamps_of
 from drivers.canopen.clock import clock_of
 
@@ -22,16 +19,6 @@ def test_a_bus_without_a_clock_gets_the_monotonic_clock(pair):
 def test_a_bus_with_a_clock_provides_it(scripted):
     assert isinstance(scripted.clock, Clock)
     assert clock_of(scripted) is scripted.clock
-
-
-@pytest.fixture
-def pair():
-    """Two ends of one of python-can's own virtual buses."""
-    with (
-        can.Bus(interface="virtual", channel="test_bus") as a,
-        can.Bus(interface="virtual", channel="test_bus") as b,
-    ):
-        yield a, b
 
 
 def bus_of(module, **attributes):

@@ -64,19 +64,14 @@ def test_a_sync_sent_by_the_kernel_is_our_own():
     assert other.found is None
 
 
-def test_another_host_is_detected_before_anything_is_sent(bus_settings, axis_settings):
+def test_another_host_is_detected_before_anything_is_sent(bus_settings, axis_settings, pair):
+    ours, theirs = pair
+    assert not may_echo(ours)
     seen = []
-    with (
-        can.Bus(interface="virtual", channel="two-hosts") as ours,
-        can.Bus(interface="virtual", channel="two-hosts") as theirs,
-    ):
-        assert not may_echo(ours)
-        with Stage.open(
-            bus_settings, axis_settings, lambda t, i, data: seen.append(i), ours
-        ) as stage:
-            theirs.send(frame(0x701, b"\0"))  # a drive that boots just now is not let go of
-            theirs.send(frame(0x080))
-            with pytest.raises(BusError, match=r"another host is on it: a SYNC \(0x080\)"):
-                stage.boot()
-        assert theirs.recv(0) is None
+    with Stage.open(bus_settings, axis_settings, lambda t, i, data: seen.append(i), ours) as stage:
+        theirs.send(frame(0x701, b"\0"))  # a drive that boots just now is not let go of
+        theirs.send(frame(0x080))
+        with pytest.raises(BusError, match=r"another host is on it: a SYNC \(0x080\)"):
+            stage.boot()
+    assert theirs.recv(0) is None
     assert seen == [0x701, 0x080]

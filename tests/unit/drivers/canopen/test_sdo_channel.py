@@ -94,42 +94,37 @@ def test_an_access_in_a_callback_is_refused_at_once(scripted):
     assert "callback" in str(caught[0])
 
 
-def test_threads_share_a_channel_each_with_its_own_answers():
+def test_threads_share_a_channel_each_with_its_own_answers(pair):
     """Four threads read and write one node of a bus in real time; every answer is the right one."""
-    with (
-        can.Bus(interface="virtual", channel="test_sdo") as ours,
-        can.Bus(interface="virtual", channel="test_sdo") as theirs,
-    ):
-        stop = threading.Event()
+    ours, theirs = pair
+    stop = threading.Event()
 
-        def serve():
-            while not stop.is_set():
-                request = theirs.recv(0.01)
-                if request is not None and request.arbitration_id == 0x605:
-                    data = bytes(request.data)
-                    answer = b"\x43" + data[1:4] + data[1:4] + b"\0"
-                    theirs.send(
-                        can.Message(arbitration_id=0x585, is_extended_id=False, data=answer)
-                    )
+    def serve():
+        while not stop.is_set():
+            request = theirs.recv(0.01)
+            if request is not None and request.arbitration_id == 0x605:
+                place = bytes(request.data[1:4])
+                answer = b"\x43" + place + place + b"\0"
+                theirs.send(can.Message(arbitration_id=0x585, is_extended_id=False, data=answer))
 
-        channel = SdoChannel(Network(ours, "virtual"), 5, timeout=60.0)
-        wrong = []
+    channel = SdoChannel(Network(ours, "virtual"), 5, timeout=60.0)
+    wrong = []
 
-        def read(start):
-            for n in range(start, start + 100):
-                value = channel.upload(n, 7)
-                if value != struct.pack("<HBB", n, 7, 0):
-                    wrong.append((n, value))
+    def read(start):
+        for n in range(start, start + 100):
+            value = channel.upload(n, 7)
+            if value != struct.pack("<HBB", n, 7, 0):
+                wrong.append((n, value))
 
-        server = threading.Thread(target=serve)
-        readers = [threading.Thread(target=read, args=(0x2000 + 0x100 * i,)) for i in range(4)]
-        for thread in (server, *readers):
-            thread.start()
-        for thread in readers:
-            thread.join(300)
-            assert not thread.is_alive()
-        stop.set()
-        server.join()
+    server = threading.Thread(target=serve)
+    readers = [threading.Thread(target=read, args=(0x2000 + 0x100 * i,)) for i in range(4)]
+    for thread in (server, *readers):
+        thread.start()
+    for thread in readers:
+        thread.join(300)
+        assert not thread.is_alive()
+    stop.set()
+    server.join()
     assert wrong == []
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,8 +65,6 @@ def test_an_offset_that_is_not_finite_is_named(axis_settings):
     st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=8), st.integers(-150_000_000, 150_000_000)
 )
 def test_accepted_positions_are_within_travel_and_velocity(steps, last):
-    from pathlib import Path
-
     axis = AxisSettings(
         "x", 1, Path("none.eds"), 40.0, 120.0, (-0.15, 0.15), 1.0, 10.0, 2000.0, 1e-3
     )
@@ -219,46 +218,32 @@ def test_a_profile_may_use_its_limits_and_has_the_right_duration(axis_settings):
     ]
 
 
+TENTH, FIFTH, NINE = np.array([0.1, 0.2, 9.0])
+"""Positions and speeds come out of arrays, too; they are told in plain figures."""
+
+
 @pytest.mark.parametrize(
-    ("positions", "relative", "text"),
+    ("positions", "velocity", "acceleration", "relative", "text"),
     [
-        ([-0.151], False, "0x607D:01 min position limit: target -0.151 m is below the limit -0.15"),
-        ([0.1, 0.06], True, "0x607D:02 .*: target 2: target 0.16 m is above the limit 0.15 m"),
-        ([np.nan], False, "0x607D:02 max position limit: target nan m is above the limit"),
-        ([], False, "0x607A:00 .*: no target given"),
+        ([-0.151], 1.0, 10.0, False, "0x607D:01 min position limit: target -0.151 m is below the "),
+        ([0.1, 0.06], 1.0, 10.0, True, "0x607D:02 .*: target 2: target 0.16 m is above the limit "),
+        ([TENTH, FIFTH], 1.0, 10.0, True, r".*limit: .*target 0\.3 m is above the limit 0\.15 m$"),
+        ([np.nan], 1.0, 10.0, False, "0x607D:02 max position limit: target nan m is above the "),
+        ([], 1.0, 10.0, False, "0x607A:00 .*: no target given"),
+        ([0.1], 0.0, 10.0, False, r"0x6081:00 .*: 0 is not in \(0, 1\]"),
+        ([0.1], -0.5, 10.0, False, r"0x6081:00 .*: -0\.5 is not in \(0, 1\]"),
+        ([0.1], 1.001, 10.0, False, r"0x6081:00 .*: 1\.001 is not in \(0, 1\]"),
+        ([0.1], NINE, 10.0, False, r"0x6081:00 .*: 9 is not in \(0, 1\]$"),
+        ([0.1], 1.0, 0.0, False, r"0x6083:00 .*: 0 is not in \(0, 10\]"),
+        ([0.1], 1.0, np.nan, False, r"0x6083:00 .*: nan is not in \(0, 10\]"),
+        ([0.1], 1.0, 10.01, False, r"0x6083:00 .*: 10\.01 is not in \(0, 10\]"),
     ],
 )
-def test_the_target_of_a_profile_outside_the_travel_is_named(
-    axis_settings, positions, relative, text
+def test_a_profile_outside_the_limits_is_named(
+    axis_settings, positions, velocity, acceleration, relative, text
 ):
     with pytest.raises(LimitError, match=rf"^axis x: {text}"):
-        checked_profile(axis_settings[0], 0.0, positions, 1.0, 10.0, relative)
-
-
-def test_a_profile_outside_the_limits_is_named_in_plain_figures(axis_settings):
-    """Positions come out of arrays, too."""
-    axis = axis_settings[0]
-    start, step = np.array([0.1, 0.2])
-    with pytest.raises(LimitError, match=r"limit: target 0\.3 m is above the limit 0\.15 m$"):
-        checked_profile(axis, start, [step], 0.1, 1.0, relative=True)
-    with pytest.raises(LimitError, match=r"velocity: 9 is not in \(0, [0-9.]+\]$"):
-        checked_profile(axis, start, [step], np.float64(9.0), 1.0, relative=True)
-
-
-@pytest.mark.parametrize(
-    ("velocity", "acceleration", "text"),
-    [
-        (0.0, 10.0, r"0x6081:00 .*: 0 is not in \(0, 1\]"),
-        (-0.5, 10.0, r"0x6081:00 .*: -0\.5 is not in \(0, 1\]"),
-        (1.001, 10.0, r"0x6081:00 .*: 1\.001 is not in \(0, 1\]"),
-        (1.0, 0.0, r"0x6083:00 .*: 0 is not in \(0, 10\]"),
-        (1.0, np.nan, r"0x6083:00 .*: nan is not in \(0, 10\]"),
-        (1.0, 10.01, r"0x6083:00 .*: 10\.01 is not in \(0, 10\]"),
-    ],
-)
-def test_a_profile_outside_the_limits_is_named(axis_settings, velocity, acceleration, text):
-    with pytest.raises(LimitError, match=rf"^axis x: {text}"):
-        checked_profile(axis_settings[0], 0.0, [0.1], velocity, acceleration, False)
+        checked_profile(axis_settings[0], 0.0, positions, velocity, acceleration, relative)
 
 
 @pytest.mark.parametrize(

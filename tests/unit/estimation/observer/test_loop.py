@@ -1,7 +1,5 @@
 """The linear axis against small steps, closed forms, and the modes that it was given."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +10,7 @@ from estimation.observer.loop import DEVIATION, INTEGRAL, period_maps
 from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, PERIOD, Plant
 
 
-def test_a_period_is_that_of_small_steps() -> None:
+def test_a_period_is_that_of_small_steps():
     maps, plant = period_maps(DRIVE, CARRIAGE, PERIOD), Plant()
     generator = np.random.default_rng(1)
     state, before = np.zeros(5), 0.0
@@ -34,10 +32,10 @@ def test_a_period_is_that_of_small_steps() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.1e-3, 0.25e-3, 0.31e-3])
-def test_a_delay_shifts_the_force(delay: float) -> None:
+def test_a_delay_shifts_the_force(delay):
     """A step of the offset acts as that of a drive without delay, so much later."""
 
-    def deviations(late: float, periods: int) -> np.ndarray:
+    def deviations(late, periods):
         maps = period_maps(replace(DRIVE, kp=0.0, ki=0.0, kd=0.0, delay=late), FREE, 1e-4)
         state, found = np.zeros(len(maps.transition)), [0.0]
         for _ in range(periods):
@@ -62,9 +60,7 @@ FREE = Carriage(8.0, 0.0, 0.0)
     ],
     ids=["hung on the carriage", "base"],
 )
-def test_modes_have_their_frequency_and_damping(
-    carriage: Carriage, frequency: float, damping: float
-) -> None:
+def test_modes_have_their_frequency_and_damping(carriage, frequency, damping):
     loop_off = replace(DRIVE, kp=0.0, ki=0.0, kd=0.0)
     maps = period_maps(loop_off, carriage, PERIOD)
     poles = np.log(np.linalg.eigvals(maps.transition).astype(complex)) / PERIOD
@@ -73,7 +69,7 @@ def test_modes_have_their_frequency_and_damping(
     assert -swinging.real / abs(swinging) == pytest.approx(damping, rel=1e-5)
 
 
-def test_a_force_accelerates_all_that_hangs_on_the_carriage() -> None:
+def test_a_force_accelerates_all_that_hangs_on_the_carriage():
     loop_off = replace(DRIVE, kp=0.0, ki=0.0, kd=0.0)
     hung = replace(FREE, hung=(Mode(0.2, 110.0, 0.5),))
     found = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -41,14 +40,14 @@ class Course(NamedTuple):
 
 
 def run(
-    pushes: np.ndarray,
-    plant: Plant | None = None,
-    speed: float = 0.0,
-    late: float = 0.0,
-    noise: float = 1e-9,
-    observer: StageObserver | None = None,
-    sign: int = 1,
-) -> Course:
+    pushes,
+    plant=None,
+    speed=0.0,
+    late=0.0,
+    noise=1e-9,
+    observer=None,
+    sign=1,
+):
     """An axis under its observer that moves at a constant speed, with samples that may be late.
 
     Args:
@@ -79,11 +78,11 @@ def run(
     return Course(deviation, correction, findings, observer)
 
 
-def kinds(course: Course) -> list[Kind]:
+def kinds(course):
     return [found.kind for found in course.findings]
 
 
-def test_an_oscillation_that_it_feeds_is_cut_off_and_stays_out() -> None:
+def test_an_oscillation_that_it_feeds_is_cut_off_and_stays_out():
     course = run(np.full(900, 0.3), Plant(WEAK, SLIDING))
     assert kinds(course) == [Kind.SUSPECTED, Kind.FED]
     fed = course.findings[-1]
@@ -104,7 +103,7 @@ def test_an_oscillation_that_it_feeds_is_cut_off_and_stays_out() -> None:
 
 
 @pytest.mark.parametrize("frequency", [27.0, 33.0, 51.0, 120.0])
-def test_a_vibration_from_elsewhere_is_told_and_the_observer_returns(frequency: float) -> None:
+def test_a_vibration_from_elsewhere_is_told_and_the_observer_returns(frequency):
     pushes = 3.0 * np.sin(2.0 * np.pi * frequency * PERIOD * np.arange(1500))
     course = run(pushes)
     assert kinds(course) == [Kind.SUSPECTED, Kind.ELSEWHERE]
@@ -117,7 +116,7 @@ def test_a_vibration_from_elsewhere_is_told_and_the_observer_returns(frequency: 
 
 
 @pytest.mark.parametrize("frequency", [5.0, 12.0, 18.0])
-def test_a_slow_vibration_does_not_take_the_observer_out(frequency: float) -> None:
+def test_a_slow_vibration_does_not_take_the_observer_out(frequency):
     course = run(2.0 * np.sin(2.0 * np.pi * frequency * PERIOD * np.arange(900)))
     assert np.abs(course.deviation[300:]).max() > VISIBLE
     assert kinds(course)[-1:] in ([], [Kind.ELSEWHERE])
@@ -125,7 +124,7 @@ def test_a_slow_vibration_does_not_take_the_observer_out(frequency: float) -> No
 
 
 @pytest.mark.parametrize("carriage", [CARRIAGE, SLIDING])
-def test_pushes_and_noise_are_no_alarm(carriage: Carriage) -> None:
+def test_pushes_and_noise_are_no_alarm(carriage):
     """Half of Fc either way, three times a second, some at once and some slowly."""
     steps = np.repeat(np.random.default_rng(3).uniform(-3.0, 3.0, 6), 300)
     slow = np.convolve(steps, np.full(60, 1 / 60), "same")
@@ -134,7 +133,7 @@ def test_pushes_and_noise_are_no_alarm(carriage: Carriage) -> None:
 
 
 @pytest.mark.parametrize("carriage", [CARRIAGE, SLIDING, replace(SLIDING, mass=14.0)])
-def test_a_deviation_that_the_correction_drives_is_cut_off_as_it_grows(carriage: Carriage) -> None:
+def test_a_deviation_that_the_correction_drives_is_cut_off_as_it_grows(carriage):
     """The offset acts with the wrong sign: what should bring a push's deviation back adds to it."""
     course = run(np.full(900, 0.3), Plant(DRIVE, carriage), sign=-1)
     assert kinds(course) == [Kind.GROWS]
@@ -146,26 +145,26 @@ def test_a_deviation_that_the_correction_drives_is_cut_off_as_it_grows(carriage:
 
 
 @pytest.mark.parametrize(("late", "kind"), [(1e-3, Kind.STANDS), (0.3e-3, Kind.GROWS)])
-def test_an_old_position_is_noticed_before_it_winds_up(late: float, kind: Kind) -> None:
+def test_an_old_position_is_noticed_before_it_winds_up(late, kind):
     course = run(np.full(600, 6.0), Plant(DRIVE, SLIDING), speed=10e-3, late=late)
     assert kinds(course) == [kind]
     assert course.findings[0].time <= 0.3
     assert course.findings[0].rms <= 1.1 * 10e-3 * late
 
 
-def test_a_drive_that_does_not_answer_is_noticed_in_any_motion() -> None:
+def test_a_drive_that_does_not_answer_is_noticed_in_any_motion():
     course = run(np.full(200, 6.0), Plant(DRIVE, SLIDING), speed=0.2, late=1e-3)
     assert kinds(course) in ([Kind.UNANSWERED], [Kind.GROWS])
 
 
-def test_the_correction_is_bounded_by_friction_and_acceleration() -> None:
+def test_the_correction_is_bounded_by_friction_and_acceleration():
     observer = StageObserver([DESIGN], [UNITS], PERIOD, 1e-4)
     assert np.abs(run(np.full(300, 15.0), observer=observer).correction).max() <= 6.0
     observer.bound(0, 9.0)
     assert np.abs(run(np.full(300, 15.0), observer=observer).correction).max() > 8.9
 
 
-def test_what_acts_at_rest_leaks_into_the_integrator_within_5_nm() -> None:
+def test_what_acts_at_rest_leaks_into_the_integrator_within_5_nm():
     leaking = run(np.full(3000, 5.5), noise=0.0)
     assert abs(leaking.deviation[-1000:].mean()) <= 5e-9
     assert leaking.correction[600] - leaking.correction[-1] > 0.05
@@ -177,9 +176,7 @@ UNAVOIDABLE = 40e-9
 """[m rms]"""
 
 
-def found_in(
-    deviation: np.ndarray, unsteady: Sequence[range] = (), opened: float = 0.0
-) -> list[int]:
+def found_in(deviation, unsteady=(), opened=0.0):
     """Findings of the watchdog, in order, on a deviation that the observer has no part in.
 
     Args:
@@ -192,7 +189,7 @@ def found_in(
     )
     figures["block"], figures["high_pass"], figures["kp"] = BLOCK, 0.93, 1e6
     figures["floor"] = UNAVOIDABLE**2
-    found: list[int] = []
+    found = []
     for k, value in enumerate(deviation):
         own = value if watched["mode"] == WATCHING else opened * value
         before = int(watched["findings"])
@@ -201,7 +198,7 @@ def found_in(
     return found
 
 
-def waves(amplitude: np.ndarray, frequency: float = 45.0) -> np.ndarray:
+def waves(amplitude, frequency=45.0):
     """An oscillation [m] of this amplitude [m], shape (K,)."""
     return amplitude * np.sin(2.0 * np.pi * frequency * PERIOD * np.arange(len(amplitude)))
 
@@ -209,12 +206,12 @@ def waves(amplitude: np.ndarray, frequency: float = 45.0) -> np.ndarray:
 WAXING = 1e-6 * np.repeat([1.0, 0.3, 0.7, 0.2, 1.0, 0.3, 0.8, 0.3, 1.0, 0.3, 1.0, 1.0], 2 * BLOCK)
 
 
-def test_an_oscillation_that_waxes_and_wanes_by_friction_is_found() -> None:
+def test_an_oscillation_that_waxes_and_wanes_by_friction_is_found():
     assert found_in(waves(WAXING)) == [SUSPECTED, FED]
     assert found_in(waves(WAXING), opened=1.0) == [SUSPECTED, ELSEWHERE]
 
 
-def test_moves_neither_end_a_suspicion_nor_an_experiment() -> None:
+def test_moves_neither_end_a_suspicion_nor_an_experiment():
     """Three blocks between two moves: the first is not judged, four are to be of too much power."""
     moves = [range(k, k + 40) for k in range(3 * BLOCK, 1200, 40 + 3 * BLOCK)]
     lasting = waves(np.full(1200, 1e-6))
@@ -222,23 +219,23 @@ def test_moves_neither_end_a_suspicion_nor_an_experiment() -> None:
     assert found_in(lasting, moves, opened=0.9) == [SUSPECTED, ELSEWHERE]
 
 
-def test_what_is_neither_gone_nor_as_before_without_the_observer_was_fed() -> None:
+def test_what_is_neither_gone_nor_as_before_without_the_observer_was_fed():
     assert found_in(waves(np.full(1200, 1e-6)), opened=0.6) == [SUSPECTED, FED]
 
 
-def test_a_quiet_block_ends_a_suspicion() -> None:
+def test_a_quiet_block_ends_a_suspicion():
     bursts = 1e-6 * np.tile(np.repeat([1.0, 0.0], 3 * BLOCK), 6)
     assert found_in(waves(bursts)) == []
 
 
 @pytest.mark.parametrize("frequency", [15.0, 45.0, 250.0])
-def test_what_a_push_leaves_is_not_suspected(frequency: float) -> None:
+def test_what_a_push_leaves_is_not_suspected(frequency):
     """It loses half of its power in a block."""
     dying = 10e-6 * 0.6 ** (np.arange(600) % 300 / BLOCK)
     assert found_in(waves(dying, frequency)) == []
 
 
-def test_slow_waves_of_the_rounded_offset_are_not_suspected() -> None:
+def test_slow_waves_of_the_rounded_offset_are_not_suspected():
     small = np.full(2000, 3.5 * UNAVOIDABLE)
     assert found_in(waves(small, 19.0)) == []
     assert found_in(waves(small, 80.0)) == [SUSPECTED, FED]

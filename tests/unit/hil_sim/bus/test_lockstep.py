@@ -1,14 +1,12 @@
 """The bus in virtual time, as python-can and canopen use it."""
 
-from __future__ import annotations
-
 import threading
 
 import can
 import pytest
 
 
-def frame(can_id: int, data: bytes = b"") -> can.Message:
+def frame(can_id, data=b""):
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
@@ -93,7 +91,7 @@ def test_periodic_sending_for_a_duration(name, bus):
 def test_foreign_thread_is_refused(bus):
     errors = []
 
-    def foreign() -> None:
+    def foreign():
         try:
             bus.recv(1.0)
         except can.CanOperationError as error:

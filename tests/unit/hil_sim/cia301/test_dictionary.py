@@ -1,7 +1,5 @@
 """The EDS that we ship, beyond what Lely's checker asks (tests/hil/test_third_party_tools.py)."""
 
-from __future__ import annotations
-
 import configparser
 import logging
 import re
@@ -26,15 +24,15 @@ TYPES = {
 
 
 @pytest.fixture(scope="module")
-def eds() -> configparser.RawConfigParser:
+def eds():
     parser = configparser.RawConfigParser(strict=True)  # a duplicate section or key is an error
-    parser.optionxform = str  # type: ignore[method-assign,assignment]
+    parser.optionxform = str
     parser.read(EDS_PATH)
     return parser
 
 
 @pytest.fixture(scope="module")
-def dictionary() -> canopen.ObjectDictionary:
+def dictionary():
     return canopen.import_od(str(EDS_PATH), 5)
 
 

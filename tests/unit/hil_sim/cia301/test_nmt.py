@@ -1,7 +1,5 @@
 """NMT slave: boot-up, commands, heartbeats produced and consumed."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

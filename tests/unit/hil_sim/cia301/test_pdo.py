@@ -1,7 +1,5 @@
 """PDO parameters by the book, beyond what the conformance checks ask."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

@@ -1,7 +1,5 @@
 """All PDOs of a node: what a SYNC does with them, in which order, and within which window."""
 
-from __future__ import annotations
-
 import itertools
 import struct
 

@@ -1,7 +1,5 @@
 """SDO block transfers: segments lost, checksums, block sizes."""
 
-from __future__ import annotations
-
 import struct
 from binascii import crc_hqx
 

@@ -1,7 +1,5 @@
 """SDO: abort codes beyond those of the conformance checks, segments, senseless frames."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

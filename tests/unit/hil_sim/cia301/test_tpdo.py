@@ -1,7 +1,5 @@
 """What the virtual drive sends, and when."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

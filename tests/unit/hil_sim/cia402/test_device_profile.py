@@ -1,7 +1,5 @@
 """Power states, stops and fault reactions, as a host sees them."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest
@@ -152,18 +150,6 @@ def test_a_fault_also_occurs_while_disabled(host, stage):
     stage.drives[0].inject_fault(OVER_CURRENT)  # one at a time
     assert host.emergencies() == [(ENCODER_LOST, 0x21)]
     assert host.statusword(2) & 0x4F == DISABLED
-
-
-def test_a_lasting_fault_refuses_the_reset(host, stage):
-    drive = stage.drives[0]
-    assert host.statusword() & 0x10
-    drive.inject_fault(UNDER_VOLTAGE, lasting=True)
-    assert not host.statusword() & 0x10  # no supply
-    assert host.reset_fault() & 0x4F == FAULT
-    drive.end_fault(UNDER_VOLTAGE)
-    assert host.statusword() & 0x5F == FAULT | 0x10
-    assert host.reset_fault() & 0x4F == DISABLED
-    host.enable(8)
 
 
 def test_safe_torque_off_takes_the_force_and_keeps_it(host, stage, plant):

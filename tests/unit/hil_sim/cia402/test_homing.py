@@ -62,14 +62,6 @@ def test_home_offset_moves_the_zero(homing, plant):
     assert homing.read_object(1, 0x6064, 0, "i") == -1_500_000
 
 
-@pytest.mark.parametrize("method", [35, 37])
-def test_present_position_as_home(homing, plant, method):
-    homing.write(1, 0x6098, 0, "b", method)
-    assert run(homing) == [DONE]
-    assert homing.read_object(1, 0x6064, 0, "i") == 0
-    assert plant.actual[0] == 2.5e-3
-
-
 def test_an_unknown_method_is_an_error(homing, plant):
     homing.write(1, 0x6098, 0, "b", 17)
     seen = run(homing)

@@ -1,7 +1,5 @@
 """The mode of operation: how one gives way to another; which there are: the conformance checks."""
 
-from __future__ import annotations
-
 import pytest
 
 PP, PV, CSP = 1, 3, 8

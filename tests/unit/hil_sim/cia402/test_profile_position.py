@@ -1,7 +1,5 @@
 """pp: the set-point handshake and what the demand does meanwhile."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cyclic synchronous torque: the force itself, within its limit, and back to a closed loop."""
 
-from __future__ import annotations
-
 import pytest
 
 from hil_sim.cia402.modes import INTERNAL_LIMIT, MODE_BIT_12

@@ -1,41 +1,36 @@
 """A stage without friction whose loops are open: the motor gets the force offset, nothing else."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from hil_sim.plant import simulate
-from hil_sim.settings import StageSettings
 from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 F64 = NDArray[np.float64]
 
 
 @pytest.fixture(scope="session")
-def free(nominal: StageSettings) -> StageSettings:
+def free(nominal):
     """No friction, no control, encoders of a picometre."""
     bare = {"coulomb": 1e-9, "viscous": 0.0, "stiffness": 1e-6}
     return change_axes(nominal, bare, {**OPEN, "peak_force": 1e3}, increment=1e-12)
 
 
 @pytest.fixture(scope="session")
-def pushed() -> Callable[..., tuple[F64, F64, F64]]:
+def pushed():
     """Push x (and y) with a constant demanded force from t = 0: time, position and force of x."""
 
     def run(
-        stage: StageSettings,
-        force: float,
+        stage,
+        force,
         *,
-        start: float = 0.0,
-        across: float = 0.0,
-        duration: float = 0.1,
-        substeps: int = 50,
-        axis: int = 0,
-    ) -> tuple[F64, F64, F64]:
+        start=0.0,
+        across=0.0,
+        duration=0.1,
+        substeps=50,
+        axis=0,
+    ):
         rows = round(duration / stage.sync_period) + 1
         demand = np.tile([start, 0.0], (rows, 1))
         offset = np.tile([force, across], (rows, 1))

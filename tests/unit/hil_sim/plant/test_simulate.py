@@ -124,19 +124,6 @@ def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):
         np.testing.assert_array_equal(one, other)
 
 
-def test_rest_force_is_shared_between_friction_and_disturbance(nominal, with_effects, effects):
-    stage = with_effects(
-        nominal,
-        effects["force_offset"].at(force=2.0),
-        effects["dead_time"].at(delay=0.0005),
-        effects["force_constant"].at(ratio=0.95),
-    )
-    zero = np.zeros((200, 2))
-    response = simulate(stage, zero, zero, None, rest_force=[4.0, 0.0], rounded=False)
-    np.testing.assert_allclose(response.force[:, 0], 4.0, atol=0.01)
-    assert np.abs(response.position).max() <= 1e-9
-
-
 def test_rest_force_reaches_the_limit_of_its_own_direction(nominal, with_effects, effects):
     """6 N of Coulomb friction hold 8.4 N at rest; 12 % more one way, 9.4 N that way."""
     stage = with_effects(nominal, effects["friction_asymmetry"].at(ratio=0.12))

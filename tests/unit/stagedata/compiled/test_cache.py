@@ -4,8 +4,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -56,15 +54,15 @@ print("compiled", *(k.__name__ for k in (total, half) if k.stats.cache_misses))
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     for name, text in (("called", CALLED), ("calling", CALLING), ("program", PROGRAM)):
         (tmp_path / f"{name}.py").write_text(text)
     return tmp_path
 
 
 @pytest.fixture
-def start(folder: Path) -> Callable[..., subprocess.Popen[str]]:
-    def started(**environment: str) -> subprocess.Popen[str]:
+def start(folder):
+    def started(**environment):
         return subprocess.Popen(
             [sys.executable, "program.py"], cwd=folder, text=True, stdout=subprocess.PIPE,
             env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")} | environment,
@@ -74,10 +72,10 @@ def start(folder: Path) -> Callable[..., subprocess.Popen[str]]:
 
 
 @pytest.fixture
-def run(start: Callable[..., subprocess.Popen[str]]) -> Callable[..., str]:
+def run(start):
     """Run the program; returns what it prints, the numbers as on every run."""
 
-    def ran(result: str = "6.0 1.5", **environment: str) -> str:
+    def ran(result="6.0 1.5", **environment):
         program = start(**environment)
         lines = (program.communicate()[0] or "").splitlines()
         assert program.returncode == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction import FrictionState, follow, make_constants
+from estimation.friction import FrictionState, count_states, follow, make_constants
 from estimation.online.belief.belief import (
     FIGURES,
     KNOTS,
@@ -24,7 +24,6 @@ from stagedata import FrictionFigures
 
 TS, MASS, NOISE = 1e-3, 8.0, 1e-9
 TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
-AXIS = EstimatorSettings(MASS, TS, NOISE, 0.0115).axis(TRUE)
 
 
 def there_and_back(sign=1.0):
@@ -38,22 +37,26 @@ def there_and_back(sign=1.0):
 
 
 class Problem:
-    """What `fill_rows` takes, for one record."""
+    """What `fill_rows` takes, for one record of an axis at rest before with this force [N]."""
 
-    def __init__(self, position, force):
+    def __init__(self, position, force, friction=TRUE, rest=0.0):
         sampled = Sampled(
-            position, force, np.ones(len(position), bool), np.zeros(0, bool), 0.0, 0.0
+            position, force, np.ones(len(position), bool), np.zeros(0, bool), 0.0, rest
         )
         mean = np.zeros(STATES)
         mean[:LEVEL] = at_truth()[:LEVEL]
-        self.samples = prepare(sampled, AXIS, make_constants(TRUE), 6.0, mean, True, True).samples
+        self.axis = EstimatorSettings(MASS, TS, NOISE, 0.0115).axis(friction)
+        self.law = make_constants(friction)
+        self.rest = AtRest(np.zeros(count_states(friction)), friction.coulomb, rest)
+        self.samples = prepare(
+            sampled, self.axis, self.law, friction.coulomb, mean, True, True
+        ).samples
         self.spring = None
 
     def columns(self, p, knots=0):
         count = len(self.samples.velocity)
         rows = make_rows(knots, 0, np.arange(count) / (count - 1), count)
-        rest = AtRest(np.zeros(4), 6.0, 0.0)
-        fill_rows(p, AXIS, make_constants(TRUE), self.samples, rest, 0, True, rows)
+        fill_rows(p, self.axis, self.law, self.samples, self.rest, 0, True, rows)
         self.spring = rows.spring
         return rows.columns
 

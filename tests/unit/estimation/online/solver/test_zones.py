@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from estimation.friction import breakaway_travel
 from estimation.online.solver.zones import REST, SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
@@ -16,18 +15,6 @@ def move(target, limits=(0.5, 3.0, 200.0), rest=60, noise=1e-9):
     time = np.arange(-5, int(motion.duration / TS) + rest) * TS
     rng = np.random.default_rng(1)
     return motion.sample(time)[0] + rng.normal(0.0, noise, len(time))
-
-
-def test_zone_a_is_inside_the_slide_in_both_directions():
-    for sign in (1.0, -1.0):
-        x = sign * move(25e-3)
-        zone = split(x, TRUE, TS)
-        slide = np.flatnonzero(zone == SLIDE)
-        assert len(slide) > 120
-        assert (np.diff(slide) == 1).all()
-        assert abs(x[slide[0] + 1]) > 2 * breakaway_travel(TRUE)
-        assert (zone[: slide[0]] != SLIDE).all()
-        assert (zone[-30:] == REST).all()
 
 
 def test_a_micro_move_has_no_zone_a():
