@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
 import os
 import subprocess
 import sys
@@ -32,6 +31,7 @@ from drivers.cyclic import RealTime
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
+from tests.lockstep import switch_on
 from tests.multicast import require_multicast_on_own_port
 
 START = (-5e-4, -4e-4)
@@ -45,7 +45,6 @@ GUEST_MAX_MISSED = 20
 """A guest waits for its one processor as a whole, its drives and its host together."""
 VALID_SHARE = 0.9
 """Of the samples in real time; all of them in virtual time."""
-_names = itertools.count(1)
 
 
 @dataclass(frozen=True)
@@ -110,12 +109,8 @@ class Rig:
 
 
 def _lockstep(machine):
-    from hil_sim.bus import World
-    from hil_sim.stage import VirtualStage
-
     bus, axes = driver_settings(machine)
-    world = World(f"hil-{next(_names)}")
-    VirtualStage(stage_settings(machine), seed=1, start=START).attach(world)
+    _, world = switch_on(machine, start=START)
     yield Rig(dataclasses.replace(bus, interface="lockstep", channel=world.name), axes, True)
 
 

@@ -195,20 +195,6 @@ def test_the_example_moves_an_axis_without_mapping_anything(served_drives, monke
     assert abs(moved - 2 * MM) < 0.01 * MM
 
 
-@pytest.mark.real_time
-def test_canopen_loads_the_dcf_for_csp(network):
-    node = network.add_node(1, str(CSP_DCF_PATH))
-    node.nmt.send_command(0x82)
-    node.nmt.wait_for_bootup(ANSWERED_WITHIN)
-    node.load_configuration()
-    for pdos, objects in ((node.rpdo, (0x6040, 0x607A, 0x60B2)),
-                          (node.tpdo, (0x6041, 0x6064, 0x6077))):  # fmt: skip
-        pdos.read()
-        assert [pdo.enabled for pdo in pdos.values()] == [True, False, False, False]
-        assert pdos[1].trans_type == 1
-        assert tuple(variable.index for variable in pdos[1]) == objects
-
-
 def lely(tool, *arguments, cwd=None):
     """One of Lely's tools."""
     return subprocess.run(

@@ -3,8 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hil_sim.effects import Effect
+
+MASS = 8.0
+"""Of axis x [kg]."""
+both_steps = pytest.mark.parametrize("substeps", [5, 1])
 
 
 def effect_of(write):

@@ -16,11 +16,8 @@ def u():
 
 def test_the_prior_is_the_machine_file(u):
     values = dict(zip(u.names, u.values(u.mean), strict=True))
-    assert values["coulomb"] == 6.0
-    assert values["viscous"] == 20.0
-    assert values["stiffness"] == 6e5
-    assert values["relaxation_rate"] == 100.0
-    assert values["static_ratio"] == 0.4
+    for name in ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio"):
+        assert values[name] == getattr(FRICTION, name)
     assert values["mass"] == 8.0
     assert values["asymmetry"] == values["force_offset"] == values["lag"] == 0.0
     assert [values[f"k_{i}"] for i in range(1, 5)] == pytest.approx([0.25] * 4)

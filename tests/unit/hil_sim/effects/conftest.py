@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hil_sim.plant import simulate
 from tests.unit.hil_sim.inputs import OPEN, change_axes
-
-F64 = NDArray[np.float64]
 
 
 @pytest.fixture(scope="session")
@@ -19,23 +16,14 @@ def free(nominal):
 
 @pytest.fixture(scope="session")
 def pushed():
-    """Push x (and y) with a constant demanded force from t = 0: time, position and force of x."""
+    """Push x with a constant demanded force from t = 0: time and position of x."""
 
-    def run(
-        stage,
-        force,
-        *,
-        start=0.0,
-        across=0.0,
-        duration=0.1,
-        substeps=50,
-        axis=0,
-    ):
+    def run(stage, force, duration=0.1, substeps=50):
         rows = round(duration / stage.sync_period) + 1
-        demand = np.tile([start, 0.0], (rows, 1))
-        offset = np.tile([force, across], (rows, 1))
-        response = simulate(stage, demand, offset, None, substeps=substeps, rounded=False)
-        time = stage.sync_period * np.arange(rows)
-        return time, response.position[:, axis], response.force[:, axis]
+        offset = np.tile([force, 0.0], (rows, 1))
+        response = simulate(
+            stage, np.zeros_like(offset), offset, None, substeps=substeps, rounded=False
+        )
+        return stage.sync_period * np.arange(rows), response.position[:, 0]
 
     return run

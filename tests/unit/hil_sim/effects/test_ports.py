@@ -8,17 +8,13 @@ import pytest
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant import needs_all_axes, simulate
-from tests.unit.hil_sim.effects.closed_forms import (
-    MASS,
-    both_steps,
-)
-from tests.unit.hil_sim.inputs import change_axes, effect_of, smooth_demand
+from tests.unit.hil_sim.inputs import MASS, both_steps, change_axes, effect_of, smooth_demand
 
 
 @both_steps
 def test_force_over_time(free, with_effects, pushed, substeps):
     push = effect_of(lambda ports: ports.add_time_force(-2.0 * ports.times))
-    time, position, _ = pushed(with_effects(free, push), 0.0, substeps=substeps)
+    time, position = pushed(with_effects(free, push), 0.0, substeps=substeps)
     np.testing.assert_allclose(position, 2.0 / MASS * time**3 / 6.0, atol=2e-3 * 4e-5)
 
 

@@ -11,8 +11,7 @@ import pytest
 
 from hil_sim.plant import simulate
 from hil_sim.plant.simulate import simulate_variants
-from tests.unit.hil_sim.effects.closed_forms import both_steps
-from tests.unit.hil_sim.inputs import change_axes, effect_of, smooth_demand
+from tests.unit.hil_sim.inputs import both_steps, change_axes, effect_of, smooth_demand
 
 DATA = Path(__file__).parents[3] / "data"
 
