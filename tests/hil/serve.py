@@ -5,8 +5,6 @@
 Prints "ready" when the drives are about to be switched on; ends with its stdin.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import sys
 import threading

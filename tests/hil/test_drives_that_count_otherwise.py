@@ -20,8 +20,7 @@ from tests.short_recipe import short_recipe
 START = (-5e-3, -4e-3)
 VELOCITY, ACCELERATION = key(0x60A9), key(0x60AA)
 RPM, RPM_PER_SECOND = 0x00B44700, 0x00C00300
-MICROMETRES, MILLIMETRES, MILLIMETRES_PER_MINUTE = 0xFA010300, 0xFD010300, 0xFD014700
-OPERATION_ENABLED = 0x04
+MILLIMETRES_PER_MINUTE = 0xFD014700
 
 
 class Drives:
@@ -97,14 +96,6 @@ def test_a_drive_that_counts_in_rpm_is_refused_before_power(command, stage_machi
     )
 
 
-def test_a_unit_that_nobody_states_is_refused_before_power(stage_machine, tmp_path):
-    assert refused(Drives(stage_machine, {ACCELERATION: None}), "enable", tmp_path) == (
-        "axis x: 0x60AA:00 SI unit acceleration: the drive does not say what it counts "
-        "acceleration in; the machine file must: add acceleration_unit: 1e-06 to its drive "
-        "section if it is 1e-06 m/s^2"
-    )
-
-
 @pytest.mark.parametrize(
     ("command", "index", "mode"),
     [
@@ -122,12 +113,6 @@ def test_a_drive_without_an_object_of_the_mode_is_refused_before_power(
     line = refused(Drives(stage_machine, {key(index): None}), command, tmp_path)
     assert line.startswith(f"axis x: 0x{index:04X}:00 ")
     assert line.endswith(f": is not offered: {mode} mode needs it")
-
-
-def test_a_speed_that_is_nothing_to_the_drive_is_refused_before_power(stage_machine, tmp_path):
-    coarse = with_units(stage_machine, velocity_unit="1 mm/s")
-    line = refused(Drives(coarse, {}), "jog", tmp_path, "--velocity", "0.4mm/s")
-    assert line == "axis x: 0x6081:00 profile velocity: 0.0004 is nothing in steps of 0.001 m/s"
 
 
 def test_moves_that_the_drive_cannot_be_told_leave_an_enabled_axis_alone(stage_machine):

@@ -1,7 +1,5 @@
 """Mean forces around the samples: what goes with the second difference of the positions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

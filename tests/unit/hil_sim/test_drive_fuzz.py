@@ -1,7 +1,5 @@
 """Whatever a host sends, the drive keeps its invariants and never raises."""
 
-from __future__ import annotations
-
 import struct
 
 import can

@@ -3,7 +3,7 @@
 import pytest
 
 from drivers import objects as od
-from drivers.drive.parameters import Parameter, Rule
+from drivers.drive.parameters import Parameter, Rule, write_settings
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,14 @@ def test_a_value_is_described_in_its_si_unit_with_its_consequence():
     assert window.describe(999_999).endswith("is 0.000999999 m, not 0.001 m: the drive rounds it")
     travel = Parameter(od.SOFT_LIMIT_HIGH, 150_000_000, Rule.BELOW, 1e-9, "m", "beyond")
     assert "is 0.149999999 m, not 0.15 m: the drive rounds it" in travel.describe(149_999_999)
+
+
+def test_missing_objects_are_reported_where_they_have_a_consequence(stage, scripted, axis_settings):
+    for index, sub in ((0x6065, 0), (0x605A, 0), (0x607D, 2), (0x6067, 0), (0x605B, 0)):
+        scripted.drives[0].refuse[index, sub] = 0x06020000  # absent
+    _, clauses = write_settings(stage.axes[0].node, axis_settings[0])
+    assert [c.split(": ")[1] for c in clauses] == [
+        "its reaction to a quick stop is manufacturer specific",
+        "the drive does not monitor the following error as requested",
+        "only the host monitors the travel",
+    ]

@@ -1,7 +1,5 @@
 """What the shape of the hysteresis leaves open of sigma0."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a move shows its planned force to lack."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,11 +16,17 @@ from stagectl.config import load_machine
 from stagectl.config.settings.observer import design_observers
 
 PERIOD = 1e-3
+REST = np.full(400, 0.01)
 
 
 @pytest.fixture(scope="module")
 def design():
     return design_observers(load_machine())["x"]
+
+
+@pytest.fixture
+def errors(design):
+    return FeedforwardErrors(design, design.figures.carriage.mass)
 
 
 def demand(target, count=400, period=PERIOD):
@@ -55,8 +59,7 @@ def corrected(design, setpoints, across, mass, lead, coupling, measured=True):
 
 
 @pytest.mark.parametrize("lacking", [(0.08, 0.0, 0.0), (0.0, 4e-4, 0.0), (0.0, 0.0, 0.03)])
-def test_mass_lead_and_coupling_are_told_apart(design, lacking):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+def test_mass_lead_and_coupling_are_told_apart(design, errors, lacking):
     found = errors.find(corrected(design, demand(0.025), demand(-0.06), *lacking))
     # the observer's lag, which is not the one assumed here, turns 8 % of mass into 0.2 ms
     error = np.abs(found.value - lacking)
@@ -64,24 +67,20 @@ def test_mass_lead_and_coupling_are_told_apart(design, lacking):
     assert np.argmax(np.abs(found.value) / SCALE) == np.argmax(lacking / SCALE)
 
 
-def test_an_axis_at_rest_shows_coupling_alone(design):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
-    rest = np.full(400, 0.01)
-    found = errors.find(corrected(design, rest, demand(0.05), 0.08, 4e-4, 0.03))
+def test_an_axis_at_rest_shows_coupling_alone(design, errors):
+    found = errors.find(corrected(design, REST, demand(0.05), 0.08, 4e-4, 0.03))
     assert found.value[COUPLING] == pytest.approx(0.03, rel=0.1)
     assert found.information[MASS, MASS] == found.information[LEAD, LEAD] == 0.0
 
 
-def test_axes_that_accelerate_alike_share_what_they_show(design):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+def test_axes_that_accelerate_alike_share_what_they_show(design, errors):
     rounded = np.round(demand(-0.05), 9)
     across = np.round(demand(-0.05 + 3e-8), 9)
     found = errors.find(corrected(design, rounded, across, 0.08, 0.0, 0.0))
     assert found.value[[MASS, COUPLING]] == pytest.approx([0.04, 0.04], abs=0.01)
 
 
-def test_short_moves_and_rest_say_nothing(design):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
+def test_short_moves_and_rest_say_nothing(design, errors):
     rest = np.zeros(400)
     slow = plan(0.0, 5e-5, Limits(0.01, 0.2, 20.0)).sample(np.arange(1, 401) * PERIOD)[0]
     for setpoints in (rest, slow):
@@ -94,21 +93,17 @@ def replace_correction(course):
     return course._replace(correction=np.linspace(0.0, 1.0, len(course.demand)))
 
 
-def test_much_more_mass_counts_if_the_measured_force_shows_it(design):
+def test_much_more_mass_counts_if_the_measured_force_shows_it(design, errors):
     """SYNCs off the control ticks look like half of the mass, and take no force."""
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
-    rest = np.full(400, 0.01)
-    found = errors.find(corrected(design, demand(0.025), rest, 0.8, 0.0, 0.0))
+    found = errors.find(corrected(design, demand(0.025), REST, 0.8, 0.0, 0.0))
     assert found.value[MASS] == pytest.approx(0.8, rel=0.1)
     assert (
-        errors.find(corrected(design, demand(0.025), rest, 0.8, 0.0, 0.0, measured=False)) is None
+        errors.find(corrected(design, demand(0.025), REST, 0.8, 0.0, 0.0, measured=False)) is None
     )
 
 
-def test_positions_that_are_late_are_not_more_mass(design):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
-    rest = np.full(400, 0.01)
-    course = corrected(design, demand(0.025), rest, 0.08, 0.0, 0.0)
+def test_positions_that_are_late_are_not_more_mass(design, errors):
+    course = corrected(design, demand(0.025), REST, 0.08, 0.0, 0.0)
     assert errors.find(course) is not None
     drive, pace, seen = design.figures.drive, 0.0, np.zeros(400)
     age = 0.08 * design.figures.carriage.mass / drive.kd
@@ -119,10 +114,8 @@ def test_positions_that_are_late_are_not_more_mass(design):
     assert errors.find(course._replace(correction=course.correction + seen)) is None
 
 
-def test_a_spring_is_no_mass(design):
-    errors = FeedforwardErrors(design, design.figures.carriage.mass)
-    rest = np.full(400, 0.01)
-    course = corrected(design, demand(0.025), rest, 0.0, 0.0, 0.0)
+def test_a_spring_is_no_mass(design, errors):
+    course = corrected(design, demand(0.025), REST, 0.0, 0.0, 0.0)
     pace, pull = 0.0, np.random.default_rng(3).normal(0.0, 0.02, 400)
     for k in range(3, 400):
         pace += design.gain * (150.0 * course.demand[k - 3] - pace)

@@ -1,7 +1,5 @@
 """What of the forces that moves have lacked is fed forward: nothing without evidence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Faults of frames, on the bus of a plant that follows its demand exactly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

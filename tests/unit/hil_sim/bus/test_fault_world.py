@@ -137,18 +137,43 @@ def test_a_fault_of_an_unknown_node_is_refused(stage_settings, plant, name):
 # Transceivers ---------------------------------------------------------------------------------
 
 
-def test_after_unsubscribing_and_subscribing_again_a_frame_comes_once(bus):
-    node = Transceiver(bus.world, 1, lambda can_id, data: None, None)
+@pytest.fixture
+def sent():
+    return []
+
+
+@pytest.fixture
+def node(bus, sent):
+    return Transceiver(bus.world, 1, lambda can_id, data: sent.append((can_id, data)), None)
+
+
+def send(bus, data):
+    bus.send(can.Message(arbitration_id=0x201, data=data, is_extended_id=False))
+    bus.recv(0)
+
+
+def test_after_unsubscribing_and_subscribing_again_a_frame_comes_once(bus, node):
     heard = []
-
-    def send(data):
-        bus.send(can.Message(arbitration_id=0x201, data=data, is_extended_id=False))
-        bus.recv(0)
-
     node.subscribe(0x201, heard.append)
     node.unsubscribe(0x201, heard.append)
-    send(b"\x01")
+    send(bus, b"\x01")
     assert heard == []
     node.subscribe(0x201, heard.append)
-    send(b"\x02")
+    send(bus, b"\x02")
     assert heard == [b"\x02"]
+
+
+def test_bus_off_neither_sends_nor_receives_but_its_timers_go_on(bus, node, sent):
+    heard, ticks = [], []
+    node.subscribe(0x201, heard.append)
+    node.at(node.now_ns + 1000, lambda: ticks.append(node.now_ns))
+    node.bus_off = True
+    node.emit(0x181, b"\x01")
+    send(bus, b"\x02")
+    bus.clock.sleep_until_ns(2000)
+    assert (sent, heard, ticks) == ([], [], [1000])
+    node.deliver(0x201, b"\x05")  # one that the line has held back
+    node.bus_off = False
+    node.emit(0x181, b"\x03")
+    send(bus, b"\x04")
+    assert (sent, heard) == ([(0x181, b"\x03")], [b"\x05", b"\x04"])

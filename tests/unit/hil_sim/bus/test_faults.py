@@ -1,7 +1,5 @@
 """Plans of faults: what is refused when a fault is made."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

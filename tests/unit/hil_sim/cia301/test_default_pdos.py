@@ -1,7 +1,5 @@
 """PDOs as a drive has them at power-on (CiA 402's default mappings), and the DCF for csp."""
 
-from __future__ import annotations
-
 import struct
 
 import canopen

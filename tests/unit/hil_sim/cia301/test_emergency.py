@@ -1,7 +1,5 @@
 """EMCY messages, error register and error history."""
 
-from __future__ import annotations
-
 EMCY = 0x081
 
 

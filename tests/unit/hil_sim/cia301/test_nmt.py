@@ -36,27 +36,25 @@ def test_lost_heartbeat_leaves_operational(streaming):
 
 
 def test_stopped_node_answers_no_sdo_and_no_sync(streaming):
-    host = streaming
-    host.nmt(2)
-    host.send(0x080)
-    host.send(0x601, struct.pack("<BHB4x", 0x40, 0x1000, 0))
-    assert host.take(0x181) == host.take(0x581) == []
-    host.nmt(128)
-    assert host.statusword() & 0x4F == 0x08  # 0x6007 = 1: fault
+    streaming.nmt(2)
+    streaming.send(0x080)
+    streaming.send(0x601, struct.pack("<BHB4x", 0x40, 0x1000, 0))
+    assert streaming.take(0x181) == streaming.take(0x581) == []
+    streaming.nmt(128)
+    assert streaming.statusword() & 0x4F == 0x08  # 0x6007 = 1: fault
 
 
 def test_reset_node_forgets_everything_and_boots(streaming, plant):
-    host = streaming
-    host.write(1, 0x6083, 0, "I", 77)
-    host.stream(range(0, 100_000, 10_000))
-    host.take(HEARTBEAT)
-    host.nmt(129, 1)
-    host.wait(30)
-    assert [f.data for f in host.take(HEARTBEAT)] == [b"\x00"]
+    streaming.write(1, 0x6083, 0, "I", 77)
+    streaming.stream(range(0, 100_000, 10_000))
+    streaming.take(HEARTBEAT)
+    streaming.nmt(129, 1)
+    streaming.wait(30)
+    assert [f.data for f in streaming.take(HEARTBEAT)] == [b"\x00"]
     assert not plant.powered[0]
-    assert host.read_object(1, 0x6083, 0, "I") == 1_000_000
-    assert host.read_object(1, 0x6064, 0, "i") == 0
-    assert host.statusword() & 0x4F == 0x40
+    assert streaming.read_object(1, 0x6083, 0, "I") == 1_000_000
+    assert streaming.read_object(1, 0x6064, 0, "i") == 0
+    assert streaming.statusword() & 0x4F == 0x40
 
 
 def test_reset_communication_keeps_the_application(host):

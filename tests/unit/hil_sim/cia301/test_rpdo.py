@@ -1,7 +1,5 @@
 """What the virtual drive takes of what it receives."""
 
-from __future__ import annotations
-
 import struct
 
 

@@ -11,14 +11,13 @@ EMCY = 0x081
 
 
 def test_quick_stop_ramps_down_and_ends_disabled(streaming, plant):
-    host = streaming
-    host.write(1, 0x6085, 0, "I", 1_000_000)  # 1 m/s^2
+    streaming.write(1, 0x6085, 0, "I", 1_000_000)  # 1 m/s^2
     speed = 10e-3
-    host.stream(range(0, 100_000, 10_000), force=50)  # 10 um per ms = 10 mm/s
+    streaming.stream(range(0, 100_000, 10_000), force=50)  # 10 um per ms = 10 mm/s
     plant.commands.clear()
-    first = host.cycle(100_000, force=50, word=0x02)
+    first = streaming.cycle(100_000, force=50, word=0x02)
     assert first[0] & 0x6F == 0x27
-    rows = [host.cycle(100_000, force=50, word=0x02) for _ in range(15)]
+    rows = [streaming.cycle(100_000, force=50, word=0x02) for _ in range(15)]
     assert rows[0][0] & 0x6F == 0x07
     assert rows[-1][0] & 0x4F == 0x40
     assert not plant.powered[0]
@@ -28,34 +27,32 @@ def test_quick_stop_ramps_down_and_ends_disabled(streaming, plant):
 
 
 def test_quick_stop_that_stays_can_be_left_by_enable(streaming, plant):
-    host = streaming
-    host.write(1, 0x605A, 0, "h", 6)
-    host.stream(range(0, 50_000, 10_000))
+    streaming.write(1, 0x605A, 0, "h", 6)
+    streaming.stream(range(0, 50_000, 10_000))
     for _ in range(10):
-        status, position, _ = host.cycle(0, word=0x02)
+        status, position, _ = streaming.cycle(0, word=0x02)
     assert status & 0x6F == 0x07
     assert status & 0x0400  # at rest
     assert plant.powered[0]
-    host.cycle(position)
-    assert host.cycle(position)[0] & 0x6F == 0x27
+    streaming.cycle(position)
+    assert streaming.cycle(position)[0] & 0x6F == 0x27
 
 
 @pytest.mark.parametrize(("option", "distance"), [(0, 0.0), (1, 100e-6), (2, 25e-6)])
 def test_fault_reaction_by_its_option(streaming, plant, option, distance):
     """10 mm/s stopped without ramp, at 0.5 m/s^2 (0x6084) and at 2 m/s^2 (0x6085)."""
-    host = streaming
-    host.write(1, 0x6084, 0, "I", 500_000)
-    host.write(1, 0x6085, 0, "I", 2_000_000)
-    host.write(1, 0x605E, 0, "h", option)
-    host.write(1, 0x6007, 0, "h", 1)
-    host.write(1, 0x1029, 1, "B", 1)
-    host.write(1, 0x1016, 1, "I", 127 << 16 | 5)
-    host.send(0x77F, b"\x05")
+    streaming.write(1, 0x6084, 0, "I", 500_000)
+    streaming.write(1, 0x6085, 0, "I", 2_000_000)
+    streaming.write(1, 0x605E, 0, "h", option)
+    streaming.write(1, 0x6007, 0, "h", 1)
+    streaming.write(1, 0x1029, 1, "B", 1)
+    streaming.write(1, 0x1016, 1, "I", 127 << 16 | 5)
+    streaming.send(0x77F, b"\x05")
     for k in range(5):
-        host.cycle(k * 10_000)
+        streaming.cycle(k * 10_000)
     moving = plant.actual[0]
-    host.wait(40)
-    assert host.statusword() & 0x4F == 0x08
+    streaming.wait(40)
+    assert streaming.statusword() & 0x4F == 0x08
     assert not plant.powered[0]
     assert plant.actual[0] - moving == pytest.approx(distance, abs=1e-9)
 
@@ -104,22 +101,20 @@ def test_missing_setpoints_cause_the_reaction_of_0x6007(host, option, state):
 
 
 def test_halt_brakes_and_release_follows_again(streaming):
-    host = streaming
-    host.stream(range(0, 50_000, 10_000))
-    halted = [host.cycle(60_000, word=0x10F) for _ in range(20)]
+    streaming.stream(range(0, 50_000, 10_000))
+    halted = [streaming.cycle(60_000, word=0x10F) for _ in range(20)]
     assert halted[-1][1] == halted[-2][1] != 60_000
     assert halted[-1][0] & 0x0400
     assert not halted[-1][0] & 0x1000
-    host.cycle(60_000)
-    host.cycle(60_000)
-    assert host.cycle(60_000)[1] == 60_000
+    streaming.cycle(60_000)
+    streaming.cycle(60_000)
+    assert streaming.cycle(60_000)[1] == 60_000
 
 
 def test_disable_operation_stops_by_a_ramp_first(streaming, plant):
-    host = streaming
-    host.stream(range(0, 100_000, 10_000))
-    host.cycle(100_000, word=0x07)
-    rows = [host.cycle(100_000, word=0x07) for _ in range(20)]
+    streaming.stream(range(0, 100_000, 10_000))
+    streaming.cycle(100_000, word=0x07)
+    rows = [streaming.cycle(100_000, word=0x07) for _ in range(20)]
     assert rows[0][0] & 0x6F == 0x27
     assert plant.powered[0] is False
     assert rows[-1][0] & 0x6F == 0x23

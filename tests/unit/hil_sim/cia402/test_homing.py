@@ -1,7 +1,5 @@
 """Homing to the index mark, which is at the plant's true zero, and its statusword bits."""
 
-from __future__ import annotations
-
 import pytest
 
 BITS = 0x3400  # 13 error, 12 attained, 10 target reached
@@ -31,19 +29,18 @@ def homing(host):
 @pytest.mark.parametrize("method", [33, 34])
 @pytest.mark.parametrize("start", [2.5e-3, -4e-3, 30e-3, -30e-3, 0.0])
 def test_finds_the_index_from_either_side(homing, plant, method, start):
-    host = homing
-    host.control(0x00)
+    homing.control(0x00)
     plant.actual[0] = start
-    host.enable(6)
-    host.write(1, 0x6098, 0, "b", method)
-    assert host.statusword() & BITS == NOT_STARTED
-    seen = run(host)
+    homing.enable(6)
+    homing.write(1, 0x6098, 0, "b", method)
+    assert homing.statusword() & BITS == NOT_STARTED
+    seen = run(homing)
     assert seen[-1] == DONE
     assert len(seen) > 20
     assert plant.actual[0] == pytest.approx(0.0, abs=1e-12)
-    assert host.read_object(1, 0x6064, 0, "i") == 0
+    assert homing.read_object(1, 0x6064, 0, "i") == 0
     # the direction of method and the range switches: it never goes further than it has to
-    assert host.control(0x0F) & BITS == DONE
+    assert homing.control(0x0F) & BITS == DONE
 
 
 def test_search_starts_as_the_method_says_and_reverses_beyond_the_range(homing, plant):

@@ -1,14 +1,11 @@
 """Cyclic synchronous position: targets and force offsets taken over at SYNC."""
 
-from __future__ import annotations
-
 import pytest
 
 
 def test_csp_takes_the_pair_over_at_sync_and_interpolates(streaming, plant):
-    host = streaming
     plant.commands.clear()
-    rows = host.stream([1000, 3000, 3000], force=25)
+    rows = streaming.stream([1000, 3000, 3000], force=25)
     x_commands = [c for c in plant.commands if c[1] == 0]
     assert [round(c[2] * 1e9) for c in x_commands] == [2_501_000, 2_503_000, 2_503_000]
     assert all(c[4] == 10 for c in x_commands)
@@ -32,15 +29,14 @@ def test_offset_is_cleared_at_enable(host, plant):
 
 
 def test_target_beyond_the_soft_limit_is_held_at_it(streaming, plant):
-    host = streaming
-    host.write(1, 0x607D, 2, "i", 2_000)
-    host.stream([1000, 2000, 2500, 2600])
-    status, position, _ = host.cycle(2600)
+    streaming.write(1, 0x607D, 2, "i", 2_000)
+    streaming.stream([1000, 2000, 2500, 2600])
+    status, position, _ = streaming.cycle(2600)
     assert position == 2000
     assert status & 0x0800
     assert not status & 0x1000
-    host.cycle(1500)
-    assert host.cycle(1500)[0] & 0x1800 == 0x1000
+    streaming.cycle(1500)
+    assert streaming.cycle(1500)[0] & 0x1800 == 0x1000
 
 
 def test_interpolation_takes_0x60c2(streaming, plant):

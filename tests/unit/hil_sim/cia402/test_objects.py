@@ -1,7 +1,5 @@
 """Objects that describe this axis."""
 
-from __future__ import annotations
-
 import struct
 
 

@@ -1,7 +1,5 @@
 """The drive's profile generator against the limits it is given and closed forms."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

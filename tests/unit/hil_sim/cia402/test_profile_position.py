@@ -98,6 +98,20 @@ def test_target_beyond_the_soft_limit(pp):
     assert not pp.statusword() & LIMIT
 
 
+def test_halt_stops_with_bit_10_and_goes_on(pp):
+    setpoint(pp, 3_000_000)
+    pp.wait(50)
+    pp.control(0x10F)
+    pp.wait(100)
+    assert pp.statusword() & REACHED  # velocity is 0
+    stopped = pp.read_object(1, 0x6064, 0, "i")
+    assert 0 < stopped < 2_900_000
+    pp.control(0x0F)
+    assert not pp.statusword() & REACHED
+    pp.wait(400)
+    assert pp.read_object(1, 0x6064, 0, "i") == 3_000_000
+
+
 def test_a_blocked_axis_never_reports_target_reached(pp, plant):
     plant.blocked[0] = True
     setpoint(pp, 100_000)

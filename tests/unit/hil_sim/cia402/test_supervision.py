@@ -1,7 +1,5 @@
 """What the drive watches while its force is on: following error, end switches, full force."""
 
-from __future__ import annotations
-
 import struct
 
 from hil_sim.cia301.emergency import OVER_CURRENT, OVER_TRAVEL
@@ -10,31 +8,30 @@ EMCY = 0x081
 
 
 def test_following_error_faults_after_its_time_and_needs_an_edge_to_reset(streaming, plant):
-    host = streaming
-    host.write(1, 0x6066, 0, "H", 5)
+    streaming.write(1, 0x6066, 0, "H", 5)
     plant.blocked[0] = True
-    rows = host.stream([2_000_000] * 4)
+    rows = streaming.stream([2_000_000] * 4)
     assert all(r[0] & 0x6F == 0x27 for r in rows)
     for _ in range(10):
-        host.cycle(2_000_000)
-    status = host.cycle(2_000_000)[0]
+        streaming.cycle(2_000_000)
+    status = streaming.cycle(2_000_000)[0]
     assert status & 0x4F == 0x08
     assert status & 0x2000
-    (emcy,) = host.take(EMCY)
+    (emcy,) = streaming.take(EMCY)
     assert struct.unpack_from("<HB", emcy.data) == (0x8611, 0x21)
-    assert host.read_object(1, 0x603F, 0, "H") == 0x8611
-    assert host.read_object(1, 0x1003, 1, "I") == 0x8611
+    assert streaming.read_object(1, 0x603F, 0, "H") == 0x8611
+    assert streaming.read_object(1, 0x1003, 1, "I") == 0x8611
     assert not plant.powered[0]
     plant.blocked[0] = False
 
-    host.cycle(0, word=0x80)
-    assert host.cycle(0, word=0x80)[0] & 0x4F == 0x40
-    assert host.read_object(1, 0x603F, 0, "H") == 0
-    assert host.take(EMCY)[-1].data[:2] == b"\0\0"
+    streaming.cycle(0, word=0x80)
+    assert streaming.cycle(0, word=0x80)[0] & 0x4F == 0x40
+    assert streaming.read_object(1, 0x603F, 0, "H") == 0
+    assert streaming.take(EMCY)[-1].data[:2] == b"\0\0"
 
     # the level alone resets nothing
-    host.cycle(0, word=0x86)
-    assert host.cycle(0, word=0x86)[0] & 0x4F == 0x40
+    streaming.cycle(0, word=0x86)
+    assert streaming.cycle(0, word=0x86)[0] & 0x4F == 0x40
 
 
 def test_following_error_window_can_be_switched_off(streaming, plant):

@@ -1,7 +1,5 @@
 """Profile velocity and cyclic synchronous velocity on a plant that follows its demand exactly."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

@@ -1,7 +1,5 @@
 """What every effect is checked for before it may write into the plant."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
