@@ -1,8 +1,11 @@
 """Whole runs: in this process through the session, and as users start them."""
 
+import os
+import signal
 import subprocess
 from collections.abc import Callable
 from datetime import UTC, datetime
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -11,7 +14,7 @@ from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
 from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
-from stagectl.sequencer import Mode
+from stagectl.sequencer import Mode, SegmentDone
 from tests.command import stagectl
 from tests.postgres import serve
 from tests.processes import start
@@ -93,6 +96,25 @@ def typical(run, tmp_path_factory):
     """A run from half of all friction figures on the stage as modelled, and its folder."""
     folder = tmp_path_factory.mktemp("typical") / "run"
     return run("estimated", 1, 0.5, folder=folder), folder
+
+
+def _die(happened):
+    if isinstance(happened, SegmentDone) and happened.number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.fixture(scope="session")
+def killed_at_its_second_site():
+    """Execute a request in a process that is killed there."""
+
+    def go(request):
+        listener = Listener(event=_die)
+        process = get_context("fork").Process(target=execute, args=(request, listener))
+        process.start()
+        process.join(100)
+        assert process.exitcode == -signal.SIGKILL
+
+    return go
 
 
 @pytest.fixture(scope="session")

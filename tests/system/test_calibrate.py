@@ -2,12 +2,9 @@
 
 import csv
 import json
-import os
 import re
 import shutil
-import signal
 from datetime import UTC, datetime
-from multiprocessing import get_context
 
 import pytest
 from click.testing import CliRunner
@@ -18,8 +15,7 @@ from stagectl.config.machine.file import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history import StageKey, open_history
 from stagectl.maps import map_versions
-from stagectl.run import Listener, RunRequest, SimulatedStage, execute
-from stagectl.sequencer import SegmentDone
+from stagectl.run import RunRequest, SimulatedStage
 from stagectl.store import read_notes
 from tests.short_recipe import short_recipe
 
@@ -42,25 +38,6 @@ def stagectl(*arguments, code=0):
     return str(result.exception)
 
 
-def die(happened):
-    if isinstance(happened, SegmentDone) and happened.number == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-def test_a_dry_run_is_json_too(tmp_path):
-    (tmp_path / "sites.yaml").write_text(SITES)
-    result = CliRunner().invoke(
-        cli, ["calibrate", str(tmp_path / "sites.yaml"), "--dry-run", "--json", "-"]
-    )
-    planned = json.loads(result.stdout)
-    places = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
-    assert planned["would_visit"] == [*places, places[0]]
-    assert (planned["format"], planned["map"]) == ("stagectl-calibration", None)
-    assert planned["sites"] == []
-    assert "would visit (20, 0) mm" in result.stderr
-    assert "virtual bus" not in result.stderr, "nothing was to move"
-
-
 def test_a_dry_run_checks_what_the_run_checks_and_writes_nothing(tmp_path):
     (tmp_path / "sites.yaml").write_text(SITES)
     truth = tmp_path / "truth.yaml"
@@ -69,8 +46,16 @@ def test_a_dry_run_checks_what_the_run_checks_and_writes_nothing(tmp_path):
     run = ("calibrate", tmp_path / "sites.yaml", "--out", tmp_path / "run", "--dry-run")
     assert "gremlins" in stagectl(*run, "--simulate", truth, code=2)
     history = ("--history", tmp_path / "stage.db")
-    assert "would visit" in stagectl(*run, "--simulate", "--due", *history)
-    assert {path.name for path in tmp_path.iterdir()} == {"sites.yaml", "truth.yaml"}
+    told = tmp_path / "told.json"
+    said = stagectl(*run, "--simulate", "--due", *history, "--json", told)
+    assert "would visit (20, 0) mm" in said
+    assert "virtual bus" not in said, "nothing was to move"
+    planned = json.loads(told.read_text())
+    places = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
+    assert planned["would_visit"] == [*places, places[0]]
+    assert (planned["format"], planned["map"]) == ("stagectl-calibration", None)
+    assert planned["sites"] == []
+    assert {path.name for path in tmp_path.iterdir()} == {"sites.yaml", "truth.yaml", told.name}
 
 
 def test_too_few_sites_for_a_map_are_refused_before_anything_moves(tmp_path):
@@ -85,7 +70,7 @@ def test_too_few_sites_for_a_map_are_refused_before_anything_moves(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def killed(machine, tmp_path_factory):
+def killed(machine, tmp_path_factory, killed_at_its_second_site):
     """A calibration of four sites, killed behind the second one."""
     folder = tmp_path_factory.mktemp("calibration")
     (folder / "sites.yaml").write_text(SITES)
@@ -98,10 +83,7 @@ def killed(machine, tmp_path_factory):
         simulated=SimulatedStage(machine),
         history=str(folder / "stage.db"),
     )
-    child = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
-    child.start()
-    child.join(100)
-    assert child.exitcode == -signal.SIGKILL
+    killed_at_its_second_site(request)
     return folder
 
 

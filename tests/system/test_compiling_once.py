@@ -1,7 +1,5 @@
 """What a run says while kernels are compiled, and that the next one compiles nothing."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -4,14 +4,12 @@ Commands that take longer than seconds are followed by `make docs-check`.
 """
 
 import importlib
-import json
 import re
-import socket
 from pathlib import Path
 
 import pytest
 
-from tests.multicast import require_multicast
+from tests.multicast import require_multicast_on_own_port
 from tools import docs_commands
 
 ROOT = Path(__file__).parents[2]
@@ -22,14 +20,14 @@ PAGES = [
 ]
 
 
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     """Headings of a page, as GitHub names them in links."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_every_link_leads_somewhere(page: Path) -> None:
+def test_every_link_leads_somewhere(page):
     links = re.findall(r"\]\((?!https?:)([^)#\s]*)#?([^)\s]*)\)", page.read_text(encoding="utf-8"))
     for file, anchor in links:
         target = page.parent / file if file else page
@@ -37,7 +35,7 @@ def test_every_link_leads_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(target), f"{file}#{anchor}"
 
 
-def test_every_import_in_an_example_works() -> None:
+def test_every_import_in_an_example_works():
     """Names in `from X import Y` of our own packages."""
     found = [
         (page.name, module, name)
@@ -51,7 +49,7 @@ def test_every_import_in_an_example_works() -> None:
     assert wrong == []
 
 
-def test_every_test_that_guards_against_a_pitfall_exists() -> None:
+def test_every_test_that_guards_against_a_pitfall_exists():
     """In the last column: files, `same` for that of the row before, and parts of tests' names."""
     tests, missing, last = ROOT / "tests", [], []
     text = (ROOT / "docs" / "pitfalls.md").read_text(encoding="utf-8")
@@ -80,54 +78,14 @@ FOLLOWED = [
 
 
 @pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.stem)
-def test_who_follows_a_page_sees_what_it_quotes(page: Path, monkeypatch) -> None:
+def test_who_follows_a_page_sees_what_it_quotes(page, monkeypatch):
     text = page.read_text(encoding="utf-8")
     if group := re.search(r"\$ .*udp_multicast:([\d.]+)", text):
-        require_multicast(group[1])
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("", 0))  # every group is heard on a port: one of our own
-            monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
+        require_multicast_on_own_port(group[1], monkeypatch)
     with docs_commands.copy_of_the_clone() as folder:
         followed = list(docs_commands.follow(text, folder, minutes=False))
     assert followed
     assert docs_commands.with_quotes(text, followed) == text
-
-
-PAGE = """
-<!-- file: recipe.yaml -->
-```yaml
-recipe: short
-```
-
-```console
-$ cat recipe.yaml  # what is there
-recipe: long
-$ echo sought; printf '%s\\n' a b "took $SECONDS s"
-sought
-...
-took ... s
-$ echo not quoted
-```
-
-<!-- exit 3 -->
-```console
-$ exit 3
-```
-
-<!-- not run: needs a drive -->
-```console
-$ exit 4
-```
-
-<!-- minutes -->
-```console
-$ exit 5
-```
-
-```console
-$ exit 6
-```
-"""
 
 
 PRINTED = "x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041"
@@ -144,19 +102,6 @@ PRINTED = "x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041"
         ("y: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041", False),
     ],
 )
-def test_only_figures_may_differ_and_by_little(printed: str, is_quoted: bool) -> None:
+def test_only_figures_may_differ_and_by_little(printed, is_quoted):
     command = docs_commands.Command("cat", range(1), (PRINTED,))
     assert (command.corrected([printed]) == [PRINTED]) is is_quoted
-
-
-def test_blocks_are_followed_in_order_up_to_what_takes_minutes(tmp_path: Path) -> None:
-    followed = list(docs_commands.follow(PAGE, tmp_path, minutes=False))
-    assert [command.text for command, _ in followed][2:] == ["echo not quoted", "exit 3"]
-    assert docs_commands.with_quotes(PAGE, followed) == PAGE.replace("long", "short")
-    with pytest.raises(docs_commands.WrongDocsError, match="exit 5\nended with 5, not 0"):
-        list(docs_commands.follow(PAGE, tmp_path, minutes=True))
-
-
-def test_a_misspelt_comment_does_not_leave_a_block_out() -> None:
-    with pytest.raises(docs_commands.WrongDocsError, match=r"line 3: unknown comment .*fill"):
-        docs_commands.blocks(PAGE.replace("file:", "fill:"))

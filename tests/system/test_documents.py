@@ -2,13 +2,10 @@
 
 import io
 import json
-import os
 import re
 import shlex
-import signal
 import sqlite3
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -193,19 +190,11 @@ def test_report_says_what_it_cannot_use(tmp_path):
         assert done.exception.exit_code == 2
 
 
-def die(happened):
-    if isinstance(happened, SegmentDone) and happened.number == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
 @pytest.fixture(scope="module")
-def killed(machine, tmp_path_factory):
+def killed(machine, tmp_path_factory, killed_at_its_second_site):
     folder = tmp_path_factory.mktemp("killed")
     request = request_for(machine, WIDE, folder, remarks=Remarks(operator="Grace"))
-    process = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
-    process.start()
-    process.join()
-    assert process.exitcode == -signal.SIGKILL
+    killed_at_its_second_site(request)
     return request
 
 

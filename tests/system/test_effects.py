@@ -6,18 +6,11 @@ from pathlib import Path
 import pytest
 
 from stagectl.config import load_machine
+from tests.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "sim-to-real.md"
-RECIPE = """\
-recipe: short
-macro: {velocity: 0.2, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.05}
-expose: 0.02
-sites: {grid: {origin: [0.0, 0.0], pitch: [0.01, 0.01], count: [2, 2], order: serpentine}}
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+RECIPE = short_recipe((0.0, 0.0), (0.01, 0.0), (0.01, 0.01), (0.0, 0.01))
 EFFECTS = """\
     effects:
       - {effect: cogging, amplitude: 1.5, pitch: 0.03, phase: 1}
@@ -26,7 +19,7 @@ EFFECTS = """\
 """
 
 
-def with_effects(lines: str) -> str:
+def with_effects(lines):
     return load_machine().text.replace("    node: 2\n", f"    node: 2\n{lines}", 1)
 
 

@@ -10,14 +10,8 @@ import pytest
 from stagectl.store import read_recording
 
 
-@pytest.fixture(scope="module")
-def finished(run, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("files")
-    return run(folder=folder), folder
-
-
-def test_recording_has_what_the_format_asks_for(finished, machine):
-    _, folder = finished
+def test_recording_has_what_the_format_asks_for(typical, machine):
+    _, folder = typical
     with h5py.File(folder / "recording.h5") as file:
         assert file.attrs["format"] == "stagectl-recording"
         assert file.attrs["version"] == 1
@@ -42,8 +36,8 @@ def test_recording_has_what_the_format_asks_for(finished, machine):
         assert moves["site"].tolist() == [s for s in range(1, 21) for _ in range(2)]
 
 
-def test_summary_is_what_is_printed(finished):
-    result, folder = finished
+def test_summary_is_what_is_printed(typical):
+    result, folder = typical
     written = json.loads((folder / "summary.json").read_text())
     assert written == json.loads(json.dumps(result.summary))
     assert (written["format"], written["version"]) == ("stagectl-run-summary", 1)
@@ -52,8 +46,8 @@ def test_summary_is_what_is_printed(finished):
     assert written["duration"] == pytest.approx(len(result.recording) * 1e-3)
 
 
-def test_bus_log_is_read_by_can_tools(finished):
-    result, folder = finished
+def test_bus_log_is_read_by_can_tools(typical):
+    result, folder = typical
     with can.LogReader(folder / "bus.asc") as log:
         frames = list(log)
     sync = [f for f in frames if f.arbitration_id == 0x80]
@@ -67,18 +61,18 @@ def test_bus_log_is_read_by_can_tools(finished):
     assert inside == []
 
 
-def test_report_is_one_file_that_opens_offline(finished):
-    text = (finished[1] / "report.html").read_text()
+def test_report_is_one_file_that_opens_offline(typical):
+    text = (typical[1] / "report.html").read_text()
     assert "inspection-20" in text
     for outside in ("<link", 'src="http', "src='http", "@import", "url(http"):
         assert outside not in text
 
 
-def test_its_own_recording_has_no_gap_worth_the_name(finished, machine):
+def test_its_own_recording_has_no_gap_worth_the_name(typical, machine):
     from sim2real.gap import measure_gap
     from stagectl.config import stage_settings
 
-    recording = read_recording(finished[1] / "recording.h5")
+    recording = read_recording(typical[1] / "recording.h5")
     for signals in measure_gap(recording, stage_settings(machine), draws=1).values():
         # After homing the first onset is not known exactly.
         assert signals["position"].nominal < 0.5e-6

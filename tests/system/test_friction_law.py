@@ -1,9 +1,6 @@
 """Machine files with the simple friction law: runs, and what needs presliding."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 
@@ -15,7 +12,7 @@ SITES = ((-0.02, 0.01), (0.03, -0.02), (0.0, 0.03), (-0.03, -0.03), (0.02, 0.02)
 
 
 @pytest.fixture(scope="module")
-def simple(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def simple(tmp_path_factory):
     """The packaged machine with the law coulomb, as a file."""
     path = tmp_path_factory.mktemp("machine") / "simple.yaml"
     path.write_text(simple_law_text())
@@ -23,7 +20,7 @@ def simple(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def recipe(tmp_path: Path) -> Path:
+def recipe(tmp_path):
     path = tmp_path / "short.yaml"
     path.write_text(short_recipe(*SITES))
     return path
@@ -51,26 +48,18 @@ def test_a_run_learns_the_figures_of_its_law(stagectl, simple, recipe, tmp_path)
     assert ">stiffness<" not in page
 
 
-@pytest.fixture
-def run_pair(stagectl, simple, recipe, tmp_path):
-    """Summaries of two runs on the packaged stage: a host with its law, one with the simple law."""
+def test_on_a_stage_with_presliding_the_simple_law_is_far_off(stagectl, simple, recipe, tmp_path):
+    """What Maxwell slip buys: micro-moves, of which presliding is the most."""
     packaged = tmp_path / "wafer-xy.yaml"
     packaged.write_text(load_machine().text)
-    summaries = []
+    peaks = []
     for host in (packaged, simple):
         out = tmp_path / host.stem
         done = stagectl("run", recipe, "--machine", host, "--simulate", packaged, "--out", out)
         assert done.returncode == 0, done.stderr
-        summaries.append(json.loads((out / "summary.json").read_text()))
-    return summaries
-
-
-def test_on_a_stage_with_presliding_the_simple_law_is_far_off(run_pair):
-    """What Maxwell slip buys: micro-moves, of which presliding is the most."""
-    gms, coulomb = (
-        [m["peak_error"] for m in summary["moves"] if m["kind"] == "micro" and m["site"] > 3]
-        for summary in run_pair
-    )
+        moves = json.loads((out / "summary.json").read_text())["moves"]
+        peaks.append([m["peak_error"] for m in moves if m["kind"] == "micro" and m["site"] > 3])
+    gms, coulomb = peaks
     assert max(gms) < 0.3e-6
     assert min(coulomb) > 1e-6
 

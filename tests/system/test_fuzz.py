@@ -51,13 +51,6 @@ def few(examples):
     )
 
 
-@few(12)
-@given(st.lists(frames(fuzz_input.AT_DRIVES), max_size=40), st.booleans())
-def test_arbitrary_frames_at_the_drives(sequence, operational):
-    begin = [(0x000, b"\x01\x00")] if operational else []
-    fuzz.strike_drives([fuzz_input.calm(frame) for frame in [*begin, *sequence]])
-
-
 @few(5)
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), frames(fuzz_input.AT_DRIVER)), max_size=12))
 def test_arbitrary_frames_at_the_driver(sequence):

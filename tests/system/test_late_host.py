@@ -46,8 +46,8 @@ class Drowsy(World):
         super().sleep_until_ns(time_ns + max(0, round(late * 1000.0)))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_host_that_is_woken_late_learns_the_friction(machine, tmp_path, seed):
+def test_a_host_that_is_woken_late_learns_the_friction(machine, tmp_path):
+    seed = 1
     world, stage = Drowsy(f"drowsy-{seed}", seed), VirtualStage(stage_settings(machine), seed)
     stage.attach(world)
     recipe = parse_recipe(RECIPE, "slow.yaml", machine)

@@ -241,10 +241,9 @@ def test_a_run_is_repeated_by_its_log(typical):
     assert replay(typical[1]).difference is None
 
 
-def test_the_offsets_sent_are_in_the_recording(run, machine):
+def test_the_offsets_sent_are_in_the_recording(typical, machine):
     """At rest the offset and what the integrator holds are the measured force."""
-    recording = run("model", 1, 0.5).recording
-    x = recording.axes["x"]
+    x = typical[0].recording.axes["x"]
     last = slice(-20, None)
     assert np.ptp(x.force_offset[last]) <= 2.5 * machine.axes["x"].drive.force_unit
     error = x.position_demand[last] - x.position_actual[last]
