@@ -1,5 +1,7 @@
 """Whole runs on the virtual stage, and data of another program."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,26 @@ def columns():
 def machine():
     """The packaged machine."""
     return load_machine()
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Install a package of one module, whose objects are plug-ins of a group, for one test."""
+    made = []
+
+    def go(name, text, group, **objects):
+        (tmp_path / f"{name}.py").write_text(text)
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        points = "".join(f"{point} = {where}\n" for point, where in objects.items())
+        (info / "entry_points.txt").write_text(f"[{group}]\n{points}")
+        monkeypatch.syspath_prepend(tmp_path)
+        made.append(name)
+
+    yield go
+    for name in made:
+        sys.modules.pop(name, None)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Plug-ins of other packages: made, or named where they are unusable."""
 
-import sys
-
 import pytest
 
 from stagectl.errors import ConfigError
@@ -14,23 +12,16 @@ class Probe:
 def broken():
     raise OSError("no probe on this\\nbus")
 """
-ENTRIES = """[stagectl.temperature]
-probe = lab_probe:Probe
-broken = lab_probe:broken
-absent = lab_probe_that_is_not_there:Probe
-"""
 
 
 @pytest.fixture(autouse=True)
-def installed(tmp_path, monkeypatch):
-    (tmp_path / "lab_probe.py").write_text(MODULE)
-    info = tmp_path / "lab_probe-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lab-probe\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRIES)
-    monkeypatch.syspath_prepend(tmp_path)
-    yield
-    sys.modules.pop("lab_probe", None)
+def installed(install):
+    of = {
+        "probe": "lab_probe:Probe",
+        "broken": "lab_probe:broken",
+        "absent": "no_such_module:Probe",
+    }
+    install("lab_probe", MODULE, "stagectl.temperature", **of)
 
 
 def test_a_plug_in_makes_its_object():

@@ -1,9 +1,5 @@
 """Machine files with one thing wrong, and faults files."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import pytest
 
 from stagectl.config import load_machine, parse_machine, stage_settings
@@ -11,8 +7,14 @@ from stagectl.config.faults import parse_faults
 from stagectl.errors import ConfigError
 from tests.unit.stagectl.changed_text import changed_text
 
+ADDED = dict.fromkeys(("homing", "effects"), "node: 1\n    ")
+OF_DRIVE = ("quirks", "enable_timeout", "boot_timeout", "revision")
+ADDED |= dict.fromkeys(OF_DRIVE, "rated_force: 40.0\n      ")
+ADDED |= {"realtime": "sync_period: 0.001\n  "}
+"""Keys of axis x, its drive and the bus -> what stands before them."""
 
-def problems(text: str) -> tuple[str, ...]:
+
+def problems(text):
     with pytest.raises(ConfigError) as caught:
         stage_settings(parse_machine(text, "m.yaml"))
     assert all("\n" not in line for line in caught.value.problems)
@@ -22,21 +24,22 @@ def problems(text: str) -> tuple[str, ...]:
 
 
 @pytest.fixture(scope="session")
-def problems_of() -> Callable[[str], tuple[str, ...]]:
+def problems_of():
     """The problems of a machine file's text, which must have some."""
     return problems
 
 
 @pytest.fixture(scope="session")
-def check_refused() -> Callable[[str, str], None]:
+def check_refused():
     """Change a key of the packaged machine, the first of its name (that of axis x): one problem.
 
-    `new` is the key with another value, and perhaps further keys, as `changed_text` has it; a key
-    that begins with a dot is one of axis x.
+    `new` is the key with another value, and perhaps further keys, as `changed_text` has it; what
+    the packaged machine leaves out is added (`ADDED`). A key that begins with a dot is of axis x.
     """
 
-    def check(new: str, key_and_reason: str) -> None:
-        text, place = changed_text(load_machine().text, new)
+    def check(new, key_and_reason):
+        above = ADDED.get(new.partition(":")[0], "")
+        text, place = changed_text(load_machine().text, above + new)
         (found,) = problems(text)
         if key_and_reason.startswith("."):
             key_and_reason = f"axes.x{key_and_reason}"
@@ -46,12 +49,6 @@ def check_refused() -> Callable[[str, str], None]:
             assert key_and_reason in found
 
     return check
-
-
-@pytest.fixture(scope="module")
-def machine():
-    """The packaged machine."""
-    return load_machine()
 
 
 @pytest.fixture

@@ -33,11 +33,7 @@ from stagectl.errors import ConfigError
         ("fault: resize, frame: sync, length: 9", "2:42", "must be <= 8"),
         ("fault: drive, axis: x, error: bang, at: 1", "2:36", "over_current"),
         ("fault: drive, axis: x, error: over_current", "2:5", "either at or position"),
-        (
-            "fault: drive, axis: x, error: hardware, at: 2, until: 1",
-            "2:60",
-            "must be later than at",
-        ),
+        ("fault: drive, axis: x, error: hardware, at: 2, until: 1", "2:60", "later than at"),
         ("fault: bus_off, of: hosts, at: 1, duration: 1", "2:26", "did you mean 'host'"),
         ("fault: sto, axis: x, at: 1.0e+300", "2:31", "must be <= 1e+09"),
         ("fault: sdo_abort, axis: x, code: 1234", "2:39", "'0x08000000'"),

@@ -1,7 +1,5 @@
 """Passwords in the address of a history: in no message and no recording."""
 
-from __future__ import annotations
-
 import pytest
 
 from stagectl.config import is_server, without_password
@@ -32,7 +30,7 @@ psycopg = pytest.importorskip("psycopg")
     ],
 )
 @pytest.mark.parametrize("write", [True, False])
-def test_no_form_of_an_address_shows_its_password(where: str, write: bool) -> None:
+def test_no_form_of_an_address_shows_its_password(where, write):
     with pytest.raises(StagectlError) as caught:
         open_history(where, write)
     text = str(caught.value)
@@ -51,11 +49,11 @@ def test_no_form_of_an_address_shows_its_password(where: str, write: bool) -> No
         ("host='", "PostgreSQL"),
     ],
 )
-def test_messages_name_the_server_and_nothing_else(where: str, shown: str) -> None:
+def test_messages_name_the_server_and_nothing_else(where, shown):
     assert shown_address(where) == shown
 
 
-def test_key_value_pairs_are_recorded_without_passwords() -> None:
+def test_key_value_pairs_are_recorded_without_passwords():
     where = r"host=h dbname='my db' user=u password='it\'s' sslpassword=x"
     assert is_server(where)
     assert psycopg.conninfo.conninfo_to_dict(without_password(where)) == {
@@ -64,5 +62,5 @@ def test_key_value_pairs_are_recorded_without_passwords() -> None:
 
 
 @pytest.mark.parametrize("where", ["stage.db", "runs/host=1.db", "/var/my password/stage.db"])
-def test_a_path_is_a_path(where: str) -> None:
+def test_a_path_is_a_path(where):
     assert not is_server(where)

@@ -1,15 +1,11 @@
 """A machine, and a recipe text to change."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from stagectl.config import Machine, load_machine
 from stagectl.errors import ConfigError
-from stagectl.recipe import Recipe, parse_recipe
+from stagectl.recipe import parse_recipe
 
 HEAD = """recipe: a
 macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
@@ -20,26 +16,21 @@ INSPECTION = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 
 
 @pytest.fixture(scope="session")
-def machine() -> Machine:
-    return load_machine()
-
-
-@pytest.fixture(scope="session")
-def inspection() -> str:
+def inspection():
     """The text of the recipe that the project ships."""
     return INSPECTION.read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def recipe_of(machine: Machine) -> Callable[[str], Recipe]:
+def recipe_of(machine):
     return lambda text: parse_recipe(text, "r.yaml", machine)
 
 
 @pytest.fixture
-def problems_of(machine: Machine) -> Callable[[str], tuple[str, ...]]:
+def problems_of(machine):
     """The problems of a text, which must have some."""
 
-    def problems(text: str, name: str = "r.yaml") -> tuple[str, ...]:
+    def problems(text, name="r.yaml"):
         with pytest.raises(ConfigError) as caught:
             parse_recipe(text, name, machine)
         assert all("\n" not in line for line in caught.value.problems)

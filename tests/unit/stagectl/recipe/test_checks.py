@@ -1,7 +1,5 @@
 """Limits of the machine that every part of a recipe is checked against."""
 
-from __future__ import annotations
-
 import pytest
 
 from stagectl.config import load_machine, parse_machine
@@ -9,7 +7,7 @@ from stagectl.errors import ConfigError
 from stagectl.recipe import parse_recipe
 
 
-def test_an_acceleration_beyond_the_drive_is_refused(inspection: str) -> None:
+def test_an_acceleration_beyond_the_drive_is_refused(inspection):
     text = load_machine().text.replace("mass: 8.0", "mass: 48.0")
     with pytest.raises(ConfigError) as caught:
         parse_recipe(inspection, "r.yaml", parse_machine(text, "m.yaml"))

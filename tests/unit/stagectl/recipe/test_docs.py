@@ -1,28 +1,24 @@
 """The pages that explain the files: their examples load, and no key goes unexplained."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from pydantic import BaseModel
 
 from stagectl.config import Machine, load_machine, parse_machine
-from stagectl.recipe import Recipe
 from stagectl.recipe.plan import plan
 from stagectl.recipe.schema import RecipeFile
 
 DOCS = Path(__file__).parents[4] / "docs"
 
 
-def examples(page: str) -> list[str]:
+def examples(page):
     return re.findall(r"```yaml\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
-def test_the_recipe_pages_examples_load(recipe_of: Callable[[str], Recipe]) -> None:
+def test_the_recipe_pages_examples_load(recipe_of):
     whole, sites, moves = examples("recipe.md")
     assert len(recipe_of(whole).sites) == 20
     head = "".join(line for line in whole.splitlines(True) if not line.startswith("sites"))
@@ -32,7 +28,7 @@ def test_the_recipe_pages_examples_load(recipe_of: Callable[[str], Recipe]) -> N
     assert len(recipe_of(head + moves).moves) == 5
 
 
-def test_the_machine_pages_example_is_the_packaged_machine() -> None:
+def test_the_machine_pages_example_is_the_packaged_machine():
     (example,) = examples("machine.md")
     machine = parse_machine(example.replace("  y: ...\n", ""), "machine.md")
     packaged = load_machine()
@@ -40,7 +36,7 @@ def test_the_machine_pages_example_is_the_packaged_machine() -> None:
     assert machine.axes["x"] == packaged.axes["x"]
 
 
-def keys(annotation: Any) -> Iterator[str]:
+def keys(annotation):
     """Every key that a model takes, at any depth."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         for name, info in annotation.model_fields.items():
@@ -52,7 +48,7 @@ def keys(annotation: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(("page", "model"), [("recipe.md", RecipeFile), ("machine.md", Machine)])
-def test_every_key_is_explained(page: str, model: type[BaseModel]) -> None:
+def test_every_key_is_explained(page, model):
     words = set(re.findall(r"\w+", (DOCS / page).read_text(encoding="utf-8")))
     expected = set(keys(model))
     assert len(expected) > 20

@@ -1,18 +1,13 @@
 """Counts, path, duration and use of the limits against figures worked out by hand."""
 
-from __future__ import annotations
-
 import io
 import json
-from collections.abc import Callable
 
 import pytest
 from rich.console import Console
 
-from stagectl.config import Machine
-from stagectl.recipe import Recipe, dry_run
+from stagectl.recipe import dry_run
 
-RecipeOf = Callable[[str], Recipe]
 HEAD = """recipe: a
 macro: {velocity: 0.1, acceleration: 1.0, jerk: 100.0}
 micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
@@ -20,9 +15,7 @@ settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
 """
 
 
-def test_a_long_move_takes_distance_over_velocity_plus_ramps(
-    machine: Machine, recipe_of: RecipeOf
-) -> None:
+def test_a_long_move_takes_distance_over_velocity_plus_ramps(machine, recipe_of):
     recipe = recipe_of(HEAD + "expose: 20 ms\nfiducial: {source: none}\nsites: [[0.03, 0.1]]\n")
     outcome = dry_run(recipe, machine)
     # jerk-limited, rest to rest, v and a reached: d/v + v/a + a/j
@@ -31,7 +24,7 @@ def test_a_long_move_takes_distance_over_velocity_plus_ramps(
     assert (outcome.sites, outcome.moves) == (1, {"macro": 1})
 
 
-def test_a_short_move_reaches_neither_limit(machine: Machine, recipe_of: RecipeOf) -> None:
+def test_a_short_move_reaches_neither_limit(machine, recipe_of):
     recipe = recipe_of(HEAD + "moves: [{reverse: 1 um, axis: x}, {dwell: 0.5}]\n")
     outcome = dry_run(recipe, machine)
     # four phases of equal jerk: d = 2 j t^3
@@ -43,31 +36,12 @@ def test_a_short_move_reaches_neither_limit(machine: Machine, recipe_of: RecipeO
     assert used["x", "highest"] == 1e-6
 
 
-def test_the_shipped_recipe(inspection: str, machine: Machine, recipe_of: RecipeOf) -> None:
+def test_the_shipped_recipe_as_json_and_in_a_terminal(inspection, machine, recipe_of):
     outcome = dry_run(recipe_of(inspection), machine)
     assert outcome.moves == {"macro": 20, "micro": 20}
     assert 3.0 < outcome.duration < 10.0
     assert all(abs(use.used) <= abs(use.limit) for use in outcome.limits)
     assert len(outcome.positions) == 40
-
-
-def test_sites_without_a_listed_mark_have_no_micro_move(
-    machine: Machine, recipe_of: RecipeOf, tmp_path: object
-) -> None:
-    (tmp_path / "o.csv").write_text("site,dx,dy\n2,1e-6,0\n")  # type: ignore[operator]
-    recipe = recipe_of(
-        HEAD + f"expose: 0\nsites: [[0, 0.01], [0, 0.02]]\n"
-        f"fiducial: {{source: offsets, file: {tmp_path}/o.csv}}\n"
-    )
-    outcome = dry_run(recipe, machine)
-    assert outcome.moves == {"macro": 2, "micro": 1}
-    assert outcome.notes == ("site 1: no mark listed, no micro-move",)
-
-
-def test_shown_as_json_and_in_a_terminal(
-    inspection: str, machine: Machine, recipe_of: RecipeOf
-) -> None:
-    outcome = dry_run(recipe_of(inspection), machine)
     data = json.loads(json.dumps(outcome.as_dict(), allow_nan=False))
     assert data["sites"] == 20
     assert data["limits"][0] == {
@@ -77,3 +51,14 @@ def test_shown_as_json_and_in_a_terminal(
     Console(file=stream, width=80).print(outcome.render())
     assert "20 macro, 20 micro" in stream.getvalue()
     assert "nothing moves" in stream.getvalue()
+
+
+def test_sites_without_a_listed_mark_have_no_micro_move(machine, recipe_of, tmp_path):
+    (tmp_path / "o.csv").write_text("site,dx,dy\n2,1e-6,0\n")
+    recipe = recipe_of(
+        HEAD + f"expose: 0\nsites: [[0, 0.01], [0, 0.02]]\n"
+        f"fiducial: {{source: offsets, file: {tmp_path}/o.csv}}\n"
+    )
+    outcome = dry_run(recipe, machine)
+    assert outcome.moves == {"macro": 2, "micro": 1}
+    assert outcome.notes == ("site 1: no mark listed, no micro-move",)

@@ -1,21 +1,14 @@
 """Recipe files against a machine: what is read, and that every bad one says where and why."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import pytest
 
-from stagectl.recipe import Profile, Recipe
+from stagectl.recipe import Profile
 from stagectl.recipe.schema import SimulatedMark
 from tests.unit.stagectl.changed_text import changed_text
 from tests.unit.stagectl.recipe.conftest import HEAD
 
-Problems = Callable[..., tuple[str, ...]]
-RecipeOf = Callable[[str], Recipe]
 
-
-def test_the_shipped_recipe(inspection: str, recipe_of: RecipeOf) -> None:
+def test_the_shipped_recipe(inspection, recipe_of):
     recipe = recipe_of(inspection)
     assert recipe.name == "inspection-20"
     assert recipe.axes == ("x", "y")
@@ -34,7 +27,7 @@ def test_the_shipped_recipe(inspection: str, recipe_of: RecipeOf) -> None:
     assert recipe.sites[-1] == (-0.05, 0.025)
 
 
-def test_optional_keys(inspection: str, recipe_of: RecipeOf) -> None:
+def test_optional_keys(inspection, recipe_of):
     recipe = recipe_of(
         inspection + "lot: 1207\nwafer: W 03\nlimits: {settling: 10 ms, peak_error: 1 um}\n"
     )
@@ -46,28 +39,18 @@ def test_optional_keys(inspection: str, recipe_of: RecipeOf) -> None:
     ("new", "key_and_reason"),
     [
         ("velocity: ^1.5", "macro.velocity: 1.5 is above the limit of axis x (1), y (1)"),
-        (
-            "micro: {velocity: 0.01, acceleration: 0.2, jerk: ^20000}",
-            "micro.jerk: 20000 is above the limit of axis x (2000)",
-        ),
+        ("micro: {velocity: 0.01, acceleration: 0.2, jerk: ^20000}", "micro.jerk: 20000 is above"),
         ("acceleration: ^-3", "macro.acceleration: must be > 0, is -3"),
-        (
-            "macro -> ^macros: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}",
-            "macros: unknown key; did you mean 'macro'?",
-        ),
+        ("macro -> ^macros: {jerk: 200.0}", "macros: unknown key; did you mean 'macro'?"),
         ("window: ^1.0e-10", "settle.window: is below the encoder increment, 1e-09 m"),
         ("timeout: ^1 ms", "settle.timeout: is shorter than hold, 0.005 s"),
-        (
-            "timeout: 0.15, on_timeout: ^shrug",
-            "settle.on_timeout: must be 'continue', 'retry' or 'stop', is 'shrug'",
-        ),
+        ("timeout: 0.15, on_timeout: ^shrug", "settle.on_timeout: must be 'continue', 'retry' or"),
         ("expose: ^-1", "expose: must be >= 0, is -1"),
         ("grid -> girds: {}", "sites: must be {grid: ...}, {file: ...} or a list of pairs [x, y]"),
         ("count: ^[999, 999]", "sites.grid.count: more than 100000 sites: 998001"),
         (
             "grid: ^{origin: [-0.16, -0.05], pitch: [0.025, 0.025], count: [5, 4]}",
-            "sites.grid: site 1: -0.16 m is outside the travel -0.15 ... 0.15 m of axis x (4 "
-            "sites in all)",
+            "sites.grid: site 1: -0.16 m is outside the travel -0.15 ... 0.15 m of axis x (4 sites",
         ),
         (
             "grid: ^{origin: [-0.15, -0.05], pitch: [0.025, 0.025], count: [5, 4]}",
@@ -76,22 +59,14 @@ def test_optional_keys(inspection: str, recipe_of: RecipeOf) -> None:
         ("source: ^simulates", "fiducial.source: must be one of simulated, none, offsets"),
         ("fiducial: ^{range: 80.0e-6, seed: 1}", "fiducial.source: is missing"),
         ("seed: ^-1", "fiducial.seed: must be >= 0, is -1"),
-        (
-            "fiducial: {source: plugin, name: ^camera}",
-            "fiducial.name: no plug-in 'camera' is installed",
-        ),
+        ("fiducial: {source: plugin, name: ^camera}", "fiducial.name: no plug-in 'camera' is"),
         ("recipe: ^20", "recipe: must be a text, is 20"),
-        (
-            "window: 2 m",
-            "settle.window: 2 m is never exceeded: axis x faults at 0.001 m "
-            "(limits.following_error)",
-        ),
-        ("timeout: 1.0e+9", "settle.timeout: 1e+09 s is longer than the longest move, 3600 s"),
+        ("recipe: ^../evil", "recipe: must not contain a /: folders are named after it"),
+        ("window: ^2 m", "settle.window: 2 m is never exceeded: axis x faults at 0.001 m (limits"),
+        ("timeout: ^1.0e+9", "settle.timeout: 1e+09 s is longer than the longest move, 3600 s"),
     ],
 )
-def test_each_fault_is_one_line_at_its_place(
-    inspection: str, problems_of: Problems, new: str, key_and_reason: str
-) -> None:
+def test_each_fault_is_one_line_at_its_place(inspection, problems_of, new, key_and_reason):
     text, place = changed_text(inspection, new)
     (found,) = problems_of(text)
     assert found.startswith(f"r.yaml:{place}: {key_and_reason}" if place else "r.yaml:")
@@ -99,34 +74,27 @@ def test_each_fault_is_one_line_at_its_place(
 
 
 @pytest.mark.parametrize("key", ["recipe", "macro", "micro", "settle", "expose", "fiducial"])
-def test_keys_that_must_be_there(inspection: str, problems_of: Problems, key: str) -> None:
+def test_keys_that_must_be_there(inspection, problems_of, key):
     text = "\n".join(line for line in inspection.splitlines() if not line.startswith(f"{key}:"))
     (found,) = problems_of(text)
     assert found.endswith(f": {key}: is missing")
 
 
-def test_sites_and_moves_exclude_each_other(inspection: str, problems_of: Problems) -> None:
+def test_sites_and_moves_exclude_each_other(inspection, problems_of):
     (both,) = problems_of(inspection + "moves: [{dwell: 1}]\n")
     assert "moves: cannot be combined with sites" in both
     (neither,) = problems_of(HEAD)
     assert "sites: is missing (or a list of moves instead)" in neither
 
 
-def test_a_limit_that_judges_nothing_is_noted(recipe_of: RecipeOf, inspection: str) -> None:
+def test_a_limit_that_judges_nothing_is_noted(recipe_of, inspection):
     wide = inspection.replace("expose: ", "limits: {peak_error: 1 mm}\nexpose: ")
     (note,) = recipe_of(wide).notes
     assert note.startswith("limits.peak_error: 0.001 m is never exceeded: axis x faults at 0.001 m")
 
 
-def test_keys_without_effect_are_noted(recipe_of: RecipeOf) -> None:
+def test_keys_without_effect_are_noted(recipe_of):
     recipe = recipe_of(HEAD + "expose: 1\nlimits: {peak_error: 1 um}\nmoves: [{dwell: 1}]\n")
     assert recipe.notes == (
         "expose has no effect with moves", "limits has no effect with moves",
     )  # fmt: skip
-
-
-def test_a_name_must_not_be_a_path(problems_of: Problems, inspection: str) -> None:
-    text = inspection.replace("recipe: inspection-20", "recipe: ../evil")
-    assert problems_of(text) == (
-        "r.yaml:2:9: recipe: must not contain a /: folders are named after it",
-    )

@@ -1,13 +1,8 @@
 """The order of steps: sites, lists of moves, reversals."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
-from stagectl.recipe import Dwell, ExposeStep, FiducialStep, MoveStep, Profile, Recipe, Settle
+from stagectl.recipe import Dwell, ExposeStep, FiducialStep, MoveStep, Profile, Settle
 from stagectl.recipe.plan import plan
 
-RecipeOf = Callable[[str], Recipe]
 HEAD = """recipe: a
 macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
 micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
@@ -17,7 +12,7 @@ MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
 SETTLE = Settle(5e-8, 5e-3, 0.15, "retry")
 
 
-def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of: RecipeOf) -> None:
+def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of):
     recipe = recipe_of(
         HEAD + "expose: 0.02\nfiducial: {source: simulated, range: 1 um}\nsites: [[0, 0.01]]\n"
     )
@@ -31,7 +26,7 @@ def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of: RecipeOf) ->
     )
 
 
-def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of: RecipeOf) -> None:
+def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of):
     recipe = recipe_of(HEAD + "expose: 0\nfiducial: {source: none}\nsites: [[0, 0], [0, 0.01]]\n")
     assert plan(recipe) == (
         MoveStep(1, "macro", (0.0, 0.0), MACRO),
@@ -41,7 +36,7 @@ def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of: RecipeOf
     )
 
 
-def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of: RecipeOf) -> None:
+def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of):
     recipe = recipe_of(
         HEAD + "moves:\n- {to: [0.01, 0]}\n- {to: [0.02, 0], kind: micro, velocity: 5 mm/s}\n"
         "- {dwell: 0.1}\n- {to: [0, 0], kind: creep, velocity: 1 mm/s, jerk: 1}\n"
@@ -56,11 +51,11 @@ def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of: Recipe
     )
 
 
-def relatives(recipe: Recipe, start: tuple[float, float] = (0.0, 0.0)) -> list[object]:
+def relatives(recipe, start=(0.0, 0.0)):
     return [s.relative for s in plan(recipe, start) if isinstance(s, MoveStep) and s.relative]
 
 
-def test_reverse_goes_against_the_last_move_of_that_axis(recipe_of: RecipeOf) -> None:
+def test_reverse_goes_against_the_last_move_of_that_axis(recipe_of):
     recipe = recipe_of(
         HEAD + "moves:\n- {to: [0.01, -0.01]}\n- {reverse: 1.0e-4, axis: x}\n"
         "- {reverse: 2.0e-4, axis: y}\n- {reverse: 1.0e-4, axis: x}\n"
@@ -71,8 +66,8 @@ def test_reverse_goes_against_the_last_move_of_that_axis(recipe_of: RecipeOf) ->
 
 
 def test_a_first_reverse_goes_in_the_positive_direction_and_repeats_alternate(
-    recipe_of: RecipeOf,
-) -> None:
+    recipe_of,
+):
     recipe = recipe_of(
         HEAD + "moves: [{repeat: 2, moves: [{repeat: 2, moves: [{reverse: 10 um, axis: y}]}]}]\n"
     )

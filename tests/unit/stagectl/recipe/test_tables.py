@@ -1,24 +1,14 @@
 """Tables of sites and offsets: what is read, and that every problem has its place."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 
-from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import load_recipe
 from stagectl.recipe.model import ListedMarks
 from tests.unit.stagectl.recipe.conftest import HEAD
 
-Problems = Callable[..., tuple[str, ...]]
 
-
-def test_sites_and_offsets_from_files(
-    tmp_path: Path, machine: Machine, problems_of: Problems
-) -> None:
+def test_sites_and_offsets_from_files(tmp_path, machine, problems_of):
     path = tmp_path / "r.yaml"
     path.write_text(
         HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: offsets, file: o.csv}\n"
@@ -64,16 +54,14 @@ def test_sites_and_offsets_from_files(
         ("x,y\n,0\n", ":2:1: x: must be a length, is ''"),
     ],
 )
-def test_faults_of_a_table(tmp_path: Path, problems_of: Problems, table: str, reason: str) -> None:
+def test_faults_of_a_table(tmp_path, problems_of, table, reason):
     (tmp_path / "s.csv").write_text(table)
     text = HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: none}\n"
     (found,) = problems_of(text, str(tmp_path / "r.yaml"))
     assert found == f"{tmp_path}/s.csv{reason}"
 
 
-def test_a_table_that_is_a_directory_is_placed_where_the_recipe_names_it(
-    tmp_path: Path, problems_of: Problems
-) -> None:
+def test_a_table_that_is_a_directory_is_placed_where_the_recipe_names_it(tmp_path, problems_of):
     (tmp_path / "sites2").mkdir()
     text = HEAD + "expose: 0\nsites: {file: sites2}\nfiducial: {source: none}\n"
     (found,) = problems_of(text, str(tmp_path / "r.yaml"))

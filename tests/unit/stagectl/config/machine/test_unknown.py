@@ -1,37 +1,33 @@
 """What a machine file leaves unknown: found by a diagnosis, refused by everything else."""
 
+import re
+
 import pytest
 
 from stagectl.config import load_machine, parse_machine, stage_settings
 from stagectl.errors import ConfigError
 
-
-@pytest.fixture
-def text():
-    return load_machine(None).text
+TEXT = load_machine().text
 
 
-def with_unknown(text, key, axis=0):
-    """The machine file with the value of a key of one axis unknown."""
-    lines = text.splitlines()
-    found = [i for i, line in enumerate(lines) if line.strip().startswith(f"{key}:")]
-    at = found[axis]
-    lines[at] = lines[at].split(":")[0] + ": unknown"
-    return "\n".join(lines)
+def with_unknown(key, text=TEXT):
+    """The machine file with the value of this key of axis x unknown."""
+    return re.sub(rf"(?m)^( +{key}:).*$", r"\1 unknown", text, count=1)
 
 
 @pytest.mark.parametrize("key", ["mass", "coulomb", "viscous", "stiffness", "attraction", "pid"])
-def test_a_run_needs_a_figure(text, key):
+def test_a_run_needs_a_figure(key):
     with pytest.raises(ConfigError, match=f"axes.x.*{key}: is unknown") as error:
-        parse_machine(with_unknown(text, key), "M.yaml")
+        parse_machine(with_unknown(key), "M.yaml")
     assert str(error.value).startswith("M.yaml:")
     assert len(str(error.value).splitlines()) == 1
 
 
-def test_a_diagnosis_gets_a_machine_that_can_move(text):
+def test_a_diagnosis_gets_a_machine_that_can_move():
+    text = with_unknown("pid")
     for key in ("mass", "coulomb", "stiffness", "attraction", "static_ratio"):
-        text = with_unknown(text, key)
-    machine = parse_machine(with_unknown(text, "pid"), "M.yaml", fitted=True)
+        text = with_unknown(key, text)
+    machine = parse_machine(text, "M.yaml", fitted=True)
     assert set(machine.unknown) == {"x"}
     assert set(machine.unknown["x"]) == {
         "mass", "coulomb", "stiffness", "attraction", "static_ratio", "gains"
@@ -43,25 +39,19 @@ def test_a_diagnosis_gets_a_machine_that_can_move(text):
     assert machine.axes["y"] == load_machine(None).axes["y"]
 
 
+CASCADE = "{position_gain: 100.0, velocity_gain: 2000.0, derivative_time: 1e-4}"
+
+
 @pytest.mark.parametrize(
-    ("pid", "cascade"),
-    [
-        (None, "unknown"),
-        ("unknown", "unknown"),
-        ("unknown", "{position_gain: 100.0, velocity_gain: 2000.0, derivative_time: 1e-4}"),
-    ],
+    ("text", "cascade"),
+    [(TEXT, "unknown"), (with_unknown("pid"), "unknown"), (with_unknown("pid"), CASCADE)],
 )
-def test_gains_beside_unknown_ones_are_refused(text, pid, cascade):
-    if pid is not None:
-        text = with_unknown(text, "pid")
-    lines = text.splitlines()
-    at = next(i for i, line in enumerate(lines) if line.strip().startswith("rated_force:"))
-    indent = lines[at][: len(lines[at]) - len(lines[at].lstrip())]
-    lines.insert(at, f"{indent}cascade: {cascade}")
+def test_gains_beside_unknown_ones_are_refused(text, cascade):
+    both = text.replace("rated_force:", f"cascade: {cascade}\n      rated_force:", 1)
     with pytest.raises(ConfigError, match=r"axes\.x\.drive\.cascade: cannot be combined with pid"):
-        parse_machine("\n".join(lines), "M.yaml", fitted=True)
+        parse_machine(both, "M.yaml", fitted=True)
 
 
-def test_elsewhere_it_is_a_word_like_any_other(text):
+def test_elsewhere_it_is_a_word_like_any_other():
     with pytest.raises(ConfigError, match="rated_force"):
-        parse_machine(with_unknown(text, "rated_force"), "M.yaml", fitted=True)
+        parse_machine(with_unknown("rated_force"), "M.yaml", fitted=True)

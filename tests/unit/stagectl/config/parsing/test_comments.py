@@ -1,7 +1,5 @@
 """Passwords in comments, which a file's text would carry into recordings and reports."""
 
-from __future__ import annotations
-
 import pytest
 
 from stagectl.config import load_machine, parse_machine
@@ -18,7 +16,7 @@ from stagectl.config.parsing.comments import without_passwords
         ('# PGPASSWORD = "s3cret"', "# PGPASSWORD = ***"),
     ],
 )
-def test_what_looks_like_a_password_is_taken_out(line: str, kept: str) -> None:
+def test_what_looks_like_a_password_is_taken_out(line, kept):
     assert without_passwords(f"a: b\n{line}\nc: d") == f"a: b\n{kept}\nc: d"
 
 
@@ -31,11 +29,11 @@ def test_what_looks_like_a_password_is_taken_out(line: str, kept: str) -> None:
         "a: b#c\n",
     ],
 )
-def test_everything_else_stays_as_written(text: str) -> None:
+def test_everything_else_stays_as_written(text):
     assert without_passwords(text) == text
 
 
-def test_a_machine_files_comments_are_passed_on_without_passwords() -> None:
+def test_a_machine_files_comments_are_passed_on_without_passwords():
     text = load_machine().text + "# history: postgresql://lab:s3cret@db/stage\n"
     machine = parse_machine(text, "machine.yaml")
     assert "s3cret" not in machine.text

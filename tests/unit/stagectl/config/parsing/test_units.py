@@ -1,13 +1,11 @@
 """Quantities: exact conversion, dimensions checked, everything else one clear reason."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from stagectl.config.parsing import units
-from stagectl.config.parsing.units import Dimension, parse_quantity, parse_unit
+from stagectl.config.parsing.units import parse_quantity, parse_unit
 
 
 @pytest.mark.parametrize(
@@ -40,12 +38,12 @@ from stagectl.config.parsing.units import Dimension, parse_quantity, parse_unit
         (0.25, units.NUMBER, 0.25),
     ],
 )
-def test_quantities_become_si(text: object, dimension: Dimension, expected: float) -> None:
+def test_quantities_become_si(text, dimension, expected):
     assert parse_quantity(text, dimension) == expected
 
 
 @given(st.decimals(-1000, 1000, allow_nan=False, places=3))
-def test_micrometres_are_the_same_float_as_e_minus_6(number: object) -> None:
+def test_micrometres_are_the_same_float_as_e_minus_6(number):
     assert parse_quantity(f"{number} um", units.LENGTH) == float(f"{number}e-6")
 
 
@@ -73,7 +71,7 @@ def test_micrometres_are_the_same_float_as_e_minus_6(number: object) -> None:
         ({}, "is a mapping"),
     ],
 )
-def test_everything_else_says_what_was_expected(value: object, reason: str) -> None:
+def test_everything_else_says_what_was_expected(value, reason):
     with pytest.raises(ValueError, match="must be") as caught:
         parse_quantity(value, units.LENGTH)
     assert reason in str(caught.value)
@@ -81,7 +79,7 @@ def test_everything_else_says_what_was_expected(value: object, reason: str) -> N
 
 
 @given(st.text("mskgNHzu /*()^23-\u00b2x1", max_size=12))
-def test_no_text_breaks_the_unit_parser(text: str) -> None:
+def test_no_text_breaks_the_unit_parser(text):
     try:
         ten, exponents = parse_unit(text)
     except ValueError:

@@ -1,7 +1,5 @@
 """Values by the YAML 1.2 core rules; everything ambiguous or unbounded refused with its place."""
 
-from __future__ import annotations
-
 import math
 import random
 from pathlib import Path
@@ -16,13 +14,13 @@ from stagectl.errors import ConfigError
 NASTY = "{}[]:,&*!|>'\"%@`#-? \t\n0\x00\u00e9"
 
 
-def value(text: str) -> object:
+def value(text):
     document = parse_document(f"a: {text}", "f.yaml")
     assert document.problems == ()
-    return document.data["a"]  # type: ignore[index]
+    return document.data["a"]
 
 
-def problems(text: str) -> tuple[str, ...]:
+def problems(text):
     try:
         return parse_document(text, "f.yaml").problems
     except ConfigError as error:
@@ -55,14 +53,14 @@ def problems(text: str) -> tuple[str, ...]:
         ("<<", "<<"),
     ],
 )
-def test_scalars_follow_yaml_1_2(text: str, expected: object) -> None:
+def test_scalars_follow_yaml_1_2(text, expected):
     got = value(text)
     assert got == expected
     assert type(got) is type(expected)
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_every_finite_float_survives_its_own_text(number: float) -> None:
+def test_every_finite_float_survives_its_own_text(number):
     got = value(repr(number))
     assert isinstance(got, float)
     assert math.copysign(1, got) == math.copysign(1, number)
@@ -88,23 +86,23 @@ def test_every_finite_float_survives_its_own_text(number: float) -> None:
         ("a: \x01", "f.yaml:1:4: not a text file: it holds control characters"),
     ],
 )
-def test_what_is_refused_and_where(text: str, line: str) -> None:
+def test_what_is_refused_and_where(text, line):
     assert problems(text) == (line,)
 
 
-def test_all_refused_values_are_reported_at_once() -> None:
+def test_all_refused_values_are_reported_at_once():
     assert len(problems("a: .nan\nb: 07\nc: {d: 1, d: 2}")) == 3
 
 
 @pytest.mark.parametrize("text", ["a: [1", "a: 'x", "a:\t- b", "a: b: c", "- a\nb: 1", "a: @x"])
-def test_broken_syntax_is_one_line_with_a_place(text: str) -> None:
+def test_broken_syntax_is_one_line_with_a_place(text):
     (line,) = problems(text)
     assert line.startswith("f.yaml:")
     assert "not valid YAML" in line
     assert "\n" not in line
 
 
-def test_an_alias_bomb_is_refused_at_its_first_anchor() -> None:
+def test_an_alias_bomb_is_refused_at_its_first_anchor():
     bomb = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
         f"{chr(98 + i)}: &{chr(98 + i)} [{','.join(['*' + chr(97 + i)] * 9)}]\n" for i in range(9)
     )
@@ -115,18 +113,18 @@ def test_an_alias_bomb_is_refused_at_its_first_anchor() -> None:
 @pytest.mark.parametrize(
     "text", ["[" * 100_000, "a: " + "{b: " * 50_000, "- " * 20_000 + "x", "? " * 20_000]
 )
-def test_deep_nesting_is_refused_without_following_it(text: str) -> None:
+def test_deep_nesting_is_refused_without_following_it(text):
     (line,) = problems(text)
     assert "nested deeper than 32 levels" in line or "a key must be a text" in line
     assert len(line) < 300
 
 
-def test_the_number_of_values_is_bounded() -> None:
-    (line,) = problems("a: [" + "1," * 210_000 + "]")
+def test_the_number_of_values_is_bounded():
+    (line,) = problems("a: [" + "1," * 200_001 + "]")
     assert "more than 200000 values" in line
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read(tmp_path):
     binary = tmp_path / "binary.yaml"
     binary.write_bytes(b"a: 1\nb: \xff\xfe\x00")
     large = tmp_path / "large.yaml"
@@ -144,13 +142,13 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         load_document(Path("a\0b"))
 
 
-def test_a_byte_order_mark_and_crlf_are_no_problem(tmp_path: Path) -> None:
+def test_a_byte_order_mark_and_crlf_are_no_problem(tmp_path):
     path = tmp_path / "dos.yaml"
     path.write_bytes(b"\xef\xbb\xbfa: 1\r\nb: 2\r\n")
     assert load_document(path).data == {"a": 1, "b": 2}
 
 
-def test_problems_are_placed_at_values_keys_and_nearest_parents() -> None:
+def test_problems_are_placed_at_values_keys_and_nearest_parents():
     document = parse_document("a:\n  b: [1, {c: 2}]\n", "f.yaml")
     assert document.problem(("a", "b", 1, "c"), "x") == "f.yaml:2:14: a.b[2].c: x"
     assert document.problem(("a", "b", 1, "c"), "x", at_key=True) == "f.yaml:2:11: a.b[2].c: x"
@@ -158,7 +156,7 @@ def test_problems_are_placed_at_values_keys_and_nearest_parents() -> None:
     assert document.problem(("a", "tag", "b", 0), "x") == "f.yaml:2:7: a.b[1]: x"
 
 
-def test_random_bytes_are_a_document_or_a_problem() -> None:
+def test_random_bytes_are_a_document_or_a_problem():
     """Bytes flipped, cut and doubled in a real file: a document or a ConfigError, one line each."""
     source = "recipe: a\nmacro: {velocity: 0.5, jerk: 2e2}\nsites: [[0, 1], [2, 3]]\nx: 'q'\n"
     random_ = random.Random(3)  # noqa: S311 - not for secrets
@@ -188,16 +186,16 @@ def test_random_bytes_are_a_document_or_a_problem() -> None:
         ("|\n  two\n  lines", "U+000A"),
     ],
 )
-def test_a_text_with_a_control_character_is_refused(text: str, code: str) -> None:
+def test_a_text_with_a_control_character_is_refused(text, code):
     assert problems(f"a: {text}") == (f"f.yaml:1:4: a: holds the control character {code}",)
 
 
-def test_a_key_with_a_control_character_is_refused() -> None:
+def test_a_key_with_a_control_character_is_refused():
     (problem,) = problems('"a\\e": 1')
     assert problem.endswith("holds the control character U+001B")
     assert problem.isprintable()
 
 
 @pytest.mark.parametrize("text", ["\u00b5-stage", "\u30b9\u30c6\u30fc\u30b8", "10\u00a0nm"])
-def test_other_characters_of_any_language_are_accepted(text: str) -> None:
+def test_other_characters_of_any_language_are_accepted(text):
     assert value(f'"{text}"') == text

@@ -1,7 +1,5 @@
 """From a machine file to the estimator's settings."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -11,7 +9,7 @@ from stagectl.config import load_machine
 from stagectl.config.settings.host_model import SETTLED_DRIFT, estimator_settings, kink_delay
 
 
-def test_with_a_map_drift_is_slower_except_for_parameters_that_it_names() -> None:
+def test_with_a_map_drift_is_slower_except_for_parameters_that_it_names():
     axis = load_machine().axes["x"]
     name = FIGURES[1]
     drift = estimator_settings(axis, 1e-3, {name: 0.25}).belief.drift
@@ -20,6 +18,6 @@ def test_with_a_map_drift_is_slower_except_for_parameters_that_it_names() -> Non
     assert all(fast >= slow for fast, slow in zip(alone, SETTLED_DRIFT, strict=True))
 
 
-def test_a_kink_comes_with_the_current_loops_lag_less_half_a_control_tick() -> None:
+def test_a_kink_comes_with_the_current_loops_lag_less_half_a_control_tick():
     drive = load_machine().axes["x"].drive
     assert kink_delay(drive) == pytest.approx(1 / (2 * math.pi * 1500.0) - 0.5e-4)

@@ -1,7 +1,5 @@
 """Which effects of a machine file the host makes up for, and what it does where it cannot."""
 
-import sys
-
 import pytest
 
 from estimation.known_effects import KnownTerms
@@ -53,20 +51,13 @@ def machine(*effects):
 
 
 @pytest.fixture
-def bellows(tmp_path, monkeypatch):
-    (tmp_path / "bellows.py").write_text(PACKAGE)
-    info = tmp_path / "bellows-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bellows\nVersion: 1.0\n")
-    names = ("Bellows", "Draught", "Broken")
-    points = "".join(f"{name.lower()} = bellows:{name}\n" for name in names)
-    (info / "entry_points.txt").write_text(f"[stagectl.effects]\n{points}")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    yield
-    sys.modules.pop("bellows", None)
+def bellows(install):
+    of = {name.lower(): f"bellows:{name}" for name in ("Bellows", "Draught", "Broken")}
+    install("bellows", PACKAGE, "stagectl.effects", **of)
 
 
 def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
+    assert (known_effects(load_machine()), known_terms(load_machine())) == ((), {})
     axis = stage_settings(load_machine()).axes[1]
     left = set()
     for name, effect in own_effects().items():
@@ -79,17 +70,11 @@ def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
         (found,) = known_effects(one)
         assert (found.axis, found.effect) == ("y", name)
         assert not found.text.endswith(".")
-        if found.compensated:
-            assert known_terms(one)["y"] != KnownTerms(), name
-        else:
-            assert known_terms(one) == {}
+        assert not known_effects(one, compensating=False)[0].compensated
+        assert (known_terms(one).get("y", KnownTerms()) != KnownTerms()) is found.compensated, name
+        if not found.compensated:
             left.add(name)
     assert left == {"floor_vibration", "resonance"}
-
-
-def test_a_file_without_effects_says_nothing():
-    assert known_effects(load_machine()) == ()
-    assert known_terms(load_machine()) == {}
 
 
 def test_mass_and_current_loop_are_those_that_are_known():
@@ -128,8 +113,3 @@ def test_what_a_friction_map_has_is_left_to_it():
     assert not terms.table_factors
     assert terms.forward == 1.1
     assert [e.compensated for e in known_effects(bump, mapped=True)] == [False, True]
-
-
-def test_without_compensation_nothing_is_compensated():
-    (found,) = known_effects(machine("effect: force_offset, force: 1"), compensating=False)
-    assert not found.compensated

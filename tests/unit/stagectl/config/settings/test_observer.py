@@ -1,34 +1,26 @@
 """From a machine file to the observer: which axis has one, and what it has to know."""
 
-from __future__ import annotations
-
 import pytest
 
 from estimation.observer import Mode
-from stagectl.config.machine import Effect, Machine
+from stagectl.config.machine import Effect
 from stagectl.config.machine.drive import Cascade
-from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.observer import design_observers, observer_figures
 from stagectl.errors import ConfigError
 
 
-@pytest.fixture(scope="module")
-def machine() -> Machine:
-    return load_machine()
-
-
-def altered(machine: Machine, name: str, **changes: object) -> Machine:
+def altered(machine, name, **changes):
     axes = dict(machine.axes)
     axes[name] = axes[name].model_copy(update=changes)
     return machine.model_copy(update={"axes": axes})
 
 
-def figures(machine: Machine, *effects: Effect):  # type: ignore[no-untyped-def]
+def figures(machine, *effects):
     axis = altered(machine, "x", effects=effects).axes["x"]
     return observer_figures(axis, axis.plant.friction.figures, 1e-3)
 
 
-def test_the_figures_are_those_of_the_file(machine: Machine) -> None:
+def test_the_figures_are_those_of_the_file(machine):
     own = figures(machine)
     assert (own.drive.kp, own.drive.ki, own.drive.kd) == (341e3, 16.07e6, 2714.0)
     assert own.drive.control_period == 1e-4
@@ -40,7 +32,7 @@ def test_the_figures_are_those_of_the_file(machine: Machine) -> None:
     assert own.noise == pytest.approx(1.04e-9, rel=0.01)
 
 
-def test_effects_of_the_hosts_file_change_the_loop(machine: Machine) -> None:
+def test_effects_of_the_hosts_file_change_the_loop(machine):
     own = figures(
         machine,
         Effect("payload_mass", {"mass": 1.0}),
@@ -65,23 +57,23 @@ def test_effects_of_the_hosts_file_change_the_loop(machine: Machine) -> None:
     assert own.carriage.base == Mode(0.03, 10.0, 0.1)
 
 
-def test_the_gain_heeds_them(machine: Machine) -> None:
+def test_the_gain_heeds_them(machine):
     resonance = Effect("resonance", {"frequency": 110.0, "damping": 0.02, "mass_ratio": 0.2})
     plain = design_observers(machine)
     shaken = design_observers(altered(machine, "x", effects=(resonance,)))
-    assert shaken["x"].gain < plain["x"].gain  # type: ignore[union-attr]
+    assert shaken["x"].gain < plain["x"].gain
     assert shaken["y"] == plain["y"]
 
 
-def test_effects_that_cannot_be_are_refused(machine: Machine) -> None:
+def test_effects_that_cannot_be_are_refused(machine):
     with pytest.raises(ConfigError, match="dead_time"):
         design_observers(altered(machine, "x", effects=(Effect("dead_time", {"deley": 1e-3}),)))
 
 
-def test_axes_without_an_observer_say_why(machine: Machine) -> None:
+def test_axes_without_an_observer_say_why(machine):
     cascade = Cascade(position_gain=60.0, velocity_gain=1000.0)
     drive = machine.axes["x"].drive.model_copy(update={"pid": None, "cascade": cascade})
-    assert "cascade" in design_observers(altered(machine, "x", drive=drive))["x"]  # type: ignore[operator]
+    assert "cascade" in design_observers(altered(machine, "x", drive=drive))["x"]
     off = design_observers(altered(machine, "y", observer="none"))
     assert off["y"] == "switched off in the machine file"
     assert not isinstance(off["x"], str)

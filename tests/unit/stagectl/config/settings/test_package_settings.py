@@ -1,9 +1,6 @@
 """Every figure of the machine file reaches the settings it belongs to."""
 
-from __future__ import annotations
-
 from dataclasses import astuple
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +11,7 @@ from stagectl.errors import ConfigError
 from tests.simple_law import simple_law_text
 
 
-def test_stage_settings_hold_the_figures_exactly() -> None:
+def test_stage_settings_hold_the_figures_exactly():
     machine = load_machine()
     stage = stage_settings(machine)
     assert (stage.sync_period, stage.control_period, stage.ticks) == (1e-3, 1e-4, 10)
@@ -39,7 +36,7 @@ def test_stage_settings_hold_the_figures_exactly() -> None:
         assert settings.travel == axis.travel
 
 
-def test_quirks_and_the_encoders_place_reach_the_simulated_drive_alone() -> None:
+def test_quirks_and_the_encoders_place_reach_the_simulated_drive_alone():
     odd = "{offset_delay: 3, offset_sign: -1, offset_step: 0.01, position_delay: 1}"
     text = load_machine().text.replace(
         "rated_force: 40.0", f"rated_force: 40.0\n      quirks: {odd}"
@@ -53,7 +50,7 @@ def test_quirks_and_the_encoders_place_reach_the_simulated_drive_alone() -> None
     assert driver_settings(machine) == driver_settings(load_machine())
 
 
-def test_driver_settings_hold_bus_limits_and_homing() -> None:
+def test_driver_settings_hold_bus_limits_and_homing():
     text = load_machine().text.replace(
         "node: 1", "node: 1\n    homing: {method: 33, velocity: 5 mm/s}", 1
     )
@@ -72,7 +69,7 @@ def test_driver_settings_hold_bus_limits_and_homing() -> None:
     assert x.eds.name == "stagectl-linear-drive.eds"
 
 
-def test_units_that_are_not_written_are_a_default_and_no_knowledge() -> None:
+def test_units_that_are_not_written_are_a_default_and_no_knowledge():
     text = load_machine().text.replace(
         "rated_force: 40.0",
         "rated_force: 40.0\n      position_unit: 5 nm\n      acceleration_unit: 1e-3",
@@ -89,7 +86,7 @@ def test_units_that_are_not_written_are_a_default_and_no_knowledge() -> None:
         assert virtual.acceleration_unit == axis.acceleration_unit_si
 
 
-def test_the_files_units_are_those_in_which_the_drivers_write() -> None:
+def test_the_files_units_are_those_in_which_the_drivers_write():
     """Observer, journal and checks of the file count in them too."""
     text = load_machine().text
     for rated in ("rated_force: 40.0", "rated_force: 60.0"):
@@ -103,7 +100,7 @@ def test_the_files_units_are_those_in_which_the_drivers_write() -> None:
             assert axis.drive.force_unit == unit(settings, od.FORCE_OFFSET)
 
 
-def test_a_named_eds_is_relative_to_the_machine_file(tmp_path: Path) -> None:
+def test_a_named_eds_is_relative_to_the_machine_file(tmp_path):
     text = load_machine().text.replace("node: 1", "node: 1\n    eds: mine.eds", 1)
     path = tmp_path / "m.yaml"
     path.write_text(text)
@@ -116,29 +113,21 @@ def test_a_named_eds_is_relative_to_the_machine_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        (
-            "mass: 8.0",
-            "mass: 1.0e-5",
-            "axes.x.plant.friction.viscous: 20 N s/m on 1e-05 kg cannot be simulated "
-            "in steps of 2e-05 s (control_period/5)",
-        ),
-        (
-            "stiffness: 6.0e5",
-            "stiffness: 1.0e+12",
-            "axes.x.plant.friction.stiffness: 1e+12 N/m on 8 kg cannot be simulated "
-            "in steps of 2e-05 s (control_period/5)",
-        ),
+        ("mass: 8.0", "mass: 1.0e-5", "viscous: 20 N s/m on 1e-05 kg"),
+        ("stiffness: 6.0e5", "stiffness: 1.0e+12", "stiffness: 1e+12 N/m on 8 kg"),
     ],
 )
-def test_a_plant_too_stiff_for_the_steps_is_refused(old: str, new: str, problem: str) -> None:
+def test_a_plant_too_stiff_for_the_steps_is_refused(old, new, problem):
     machine = parse_machine(load_machine().text.replace(old, new), "m")
     driver_settings(machine)  # a real stage may have it
     with pytest.raises(ConfigError) as caught:
         stage_settings(machine)
-    assert caught.value.problems[0].partition(": ")[2] == problem
+    place, steps = "axes.x.plant.friction", "in steps of 2e-05 s (control_period/5)"
+    expected = f"{place}.{problem} cannot be simulated {steps}"
+    assert caught.value.problems[0].partition(": ")[2] == expected
 
 
-def test_an_effect_on_presliding_needs_a_law_that_has_it() -> None:
+def test_an_effect_on_presliding_needs_a_law_that_has_it():
     effects = "    effects: [{effect: presliding_stiffness, ratio: 2.0}]\n  y:\n"
     with pytest.raises(ConfigError) as caught:
         stage_settings(parse_machine(simple_law_text().replace("  y:\n", effects, 1), "m.yaml"))
