@@ -1,11 +1,7 @@
 """Journals as runs write them."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 from stagectl.store import AxisScaling, Journal, JournalHeader
-from stagectl.store.journal_reader import JournalContent, parse_journal
+from stagectl.store.journal_reader import parse_journal
 from stagedata import Move
 
 HEADER = JournalHeader(
@@ -23,7 +19,7 @@ EXTRA = {6: 1, 10: 2}
 """TPDOs of y in addition, reported with the sample after: a double of 5; of 9, late and twice."""
 
 
-def sample(k: int) -> tuple[int, ...]:
+def sample(k):
     """Sample k; the TPDO of y misses every tenth SYNC."""
     missed = k % 10 == 9
     return (
@@ -33,11 +29,11 @@ def sample(k: int) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def move(kind: str, start: int, end: int, site: int | None = 1) -> Move:
+def move(kind, start, end, site=1):
     return Move(kind, start, end, {"x": 0.0, "y": 0.0}, {"x": 1e-6, "y": -1e-6}, site)
 
 
-def content_of(journal: Journal) -> JournalContent:
+def content_of(journal):
     """What is read back of a journal, closed now."""
     journal.close()
     content = parse_journal(journal.path.read_bytes(), journal.path)
@@ -45,7 +41,7 @@ def content_of(journal: Journal) -> JournalContent:
     return content
 
 
-def written(folder: Path, count: int = 30) -> Journal:
+def written(folder, count=30):
     """A journal with `count` samples, an event before each fifth, two moves."""
     journal = Journal(folder, HEADER)
     for k in range(count):

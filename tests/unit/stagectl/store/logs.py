@@ -1,9 +1,6 @@
 """Bus logs as runs write them."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
-from pathlib import Path
 
 from stagectl.store import BusLog
 
@@ -12,7 +9,7 @@ Frame = tuple[int, int, bytes]
 ONE = (0, 0x201, b"\x01")
 
 
-def logged(folder: Path, *frames: Frame) -> BusLog:
+def logged(folder, *frames):
     """The closed log `bus.asc` of these frames: time [ns], id, data."""
     with BusLog(folder / "bus.asc", STARTED) as log:
         for frame in frames:

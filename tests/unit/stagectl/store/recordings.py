@@ -1,16 +1,14 @@
 """A recording with every kind of sample, small enough to compare whole."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagedata import AxisSignals, Move, Recording
 
 
-def small_recording(length: int = 50, seed: int = 1) -> Recording:
+def small_recording(length=50, seed=1):
     rng = np.random.default_rng(seed)
 
-    def axis() -> AxisSignals:
+    def axis():
         return AxisSignals(
             rng.normal(size=length),
             rng.normal(size=length),

@@ -1,24 +1,20 @@
 """Vector's ASC from a spool of frames: directions, times, parts, and the date of the head."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.store.asc_log import find_log, log_part
-from tests.unit.stagectl.store.logs import Frame, logged
+from tests.unit.stagectl.store.logs import logged
 
 HEAD = 5
 
 
-def lines(folder: Path, *frames: Frame) -> list[str]:
+def lines(folder, *frames):
     logged(folder, *frames)
     return (folder / "bus.asc").read_text().splitlines()
 
 
-def test_the_head_has_the_date_in_english_whatever_the_locale(tmp_path: Path) -> None:
+def test_the_head_has_the_date_in_english_whatever_the_locale(tmp_path):
     head = lines(tmp_path)[:HEAD]
     assert head[0] == "date Mon Nov 02 08:05:06.007 2026"
     assert head[1:3] == ["base hex  timestamps absolute", "internal events logged"]
@@ -32,19 +28,19 @@ def test_the_head_has_the_date_in_english_whatever_the_locale(tmp_path: Path) ->
         *((i, "Rx") for i in (0x081, 0x181, 0x282, 0x381, 0x481, 0x581, 0x701)),
     ],
 )
-def test_what_a_host_sends_is_tx(tmp_path: Path, can_id: int, way: str) -> None:
+def test_what_a_host_sends_is_tx(tmp_path, can_id, way):
     (line,) = lines(tmp_path, (0, can_id, b""))[HEAD:-2]
     assert line.split()[2:4] == [f"{can_id:X}", way]
 
 
-def test_times_count_from_the_first_frame_and_never_run_back(tmp_path: Path) -> None:
+def test_times_count_from_the_first_frame_and_never_run_back(tmp_path):
     frames = [(5_000_000, 0x80, b""), (4_999_000, 0x80, b""), (6_500_000, 0x181, b"\x01\xfe")]
     first, second, third = lines(tmp_path, *frames)[HEAD:-2]
     assert [line.split()[0] for line in (first, second)] == ["0.000000"] * 2
     assert third.split() == ["0.001500", "1", "181", "Rx", "d", "2", "01", "FE"]
 
 
-def test_parts_are_numbered_from_1_and_a_gap_among_them_is_named(tmp_path: Path) -> None:
+def test_parts_are_numbered_from_1_and_a_gap_among_them_is_named(tmp_path):
     path = tmp_path / "bus.asc"
     assert log_part(path, 12).name == "bus-012.asc.gz"
     assert find_log(path) == []

@@ -1,14 +1,10 @@
 """Long runs: the spool in parts, compressed while the run goes on, and the log made of them."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable
-from pathlib import Path
 
 import can
 import pytest
@@ -22,18 +18,18 @@ PART = 1000
 DEADLINE = 600.0  # only ends a wait that would otherwise never end
 
 
-def wait_until(reached: Callable[[], bool]) -> None:
+def wait_until(reached):
     ends = time.monotonic() + DEADLINE
     while not reached():
         assert time.monotonic() < ends
         time.sleep(0.001)
 
 
-def wait_for(path: Path) -> None:
+def wait_for(path):
     wait_until(path.exists)
 
 
-def tap(log: BusLog, folder: Path, first: int, count: int) -> None:
+def tap(log, folder, first, count):
     """Frames of a long run, slowly enough for the thread that opens the next part."""
     for k in range(first, first + count):
         log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
@@ -42,23 +38,23 @@ def tap(log: BusLog, folder: Path, first: int, count: int) -> None:
             wait_until(lambda: log._frames._next is not None)  # noqa: SLF001 (the file is there sooner)
 
 
-def in_parts(folder: Path, count: int) -> BusLog:
+def in_parts(folder, count):
     folder.mkdir(exist_ok=True)
     with BusLog(folder / "bus.asc", STARTED, part_frames=PART) as log:
         tap(log, folder, 0, count)
     return log
 
 
-def in_one_file(folder: Path, count: int) -> BusLog:
+def in_one_file(folder, count):
     folder.mkdir()
     return logged(folder, *((k * 1000, 0x181, k.to_bytes(8, "little")) for k in range(count)))
 
 
-def names(folder: Path) -> list[str]:
+def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_path: Path):
+def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_path):
     long, short = tmp_path / "long", in_one_file(tmp_path / "short", 2500)
     log = in_parts(long, 2500)
     assert log.failure is None
@@ -73,9 +69,9 @@ def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_
     assert whole.stated == whole.digest == log.digest
 
 
-def test_every_part_is_a_log_that_can_tools_read(tmp_path: Path):
+def test_every_part_is_a_log_that_can_tools_read(tmp_path):
     in_parts(tmp_path, 1200)
-    seen: list[can.Message] = []
+    seen = []
     for name in names(tmp_path):
         with can.LogReader(tmp_path / name) as reader:
             seen += list(reader)
@@ -85,13 +81,13 @@ def test_every_part_is_a_log_that_can_tools_read(tmp_path: Path):
     assert seen[-1].timestamp - seen[0].timestamp == pytest.approx(1199e-6)
 
 
-def test_a_run_of_one_part_is_one_file(tmp_path: Path):
+def test_a_run_of_one_part_is_one_file(tmp_path):
     assert PART_FRAMES > 1_000_000
     in_parts(tmp_path, PART - 1)
     assert names(tmp_path) == ["bus.asc"]
 
 
-def test_a_killed_long_run_loses_only_its_last_block(tmp_path: Path):
+def test_a_killed_long_run_loses_only_its_last_block(tmp_path):
     live, killed = tmp_path / "live", tmp_path / "killed"
     live.mkdir()
     with BusLog(live / "bus.asc", STARTED, part_frames=PART) as log:
@@ -111,7 +107,7 @@ def test_a_killed_long_run_loses_only_its_last_block(tmp_path: Path):
     assert [name for name in names(killed) if "frames" in name] == ["bus-002.frames.gz.part"]
 
 
-def test_the_next_run_keeps_the_parts_of_a_killed_one(tmp_path: Path):
+def test_the_next_run_keeps_the_parts_of_a_killed_one(tmp_path):
     made, folder = tmp_path / "made", tmp_path / "run"
     made.mkdir()
     with BusLog(made / "bus.asc", STARTED, part_frames=PART) as log:
@@ -124,7 +120,7 @@ def test_the_next_run_keeps_the_parts_of_a_killed_one(tmp_path: Path):
     assert [frame.can_id for frame in read_log(folder / "bus.asc").frames()] == [0x200]
 
 
-def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
+def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path):
     folder, pipe = tmp_path / "run", tmp_path / "pipe"
     folder.mkdir()
     os.mkfifo(pipe)  # opening it for reading hangs until somebody writes
@@ -143,14 +139,14 @@ def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
     assert log.digest == in_one_file(tmp_path / "short", 6000).digest
 
 
-def test_a_part_that_cannot_be_compressed_stays_as_it_is(tmp_path: Path):
+def test_a_part_that_cannot_be_compressed_stays_as_it_is(tmp_path):
     (tmp_path / "bus.frames.gz.part").mkdir()
     log = in_parts(tmp_path, 2500)
     assert log.failure is None
     assert read_log(tmp_path / "bus.asc").count == 2500
 
 
-def test_a_changed_part_and_a_damaged_one_are_noticed(tmp_path: Path):
+def test_a_changed_part_and_a_damaged_one_are_noticed(tmp_path):
     log = in_parts(tmp_path, 1500)
     part = tmp_path / "bus-001.asc.gz"
     text = gzip.decompress(part.read_bytes())
@@ -162,7 +158,7 @@ def test_a_changed_part_and_a_damaged_one_are_noticed(tmp_path: Path):
         read_log(tmp_path / "bus.asc")
 
 
-def test_a_damaged_compressed_spool_is_refused(tmp_path: Path):
+def test_a_damaged_compressed_spool_is_refused(tmp_path):
     (tmp_path / "bus.frames.gz").write_bytes(gzip.compress(b"stgspool" + bytes(500))[:-20])
     with pytest.raises(UnusableInput, match=r"bus\.frames"):
         recover_log(tmp_path)

@@ -1,9 +1,6 @@
 """The journal: what may go in, and what keeps it from being written."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ def test_codec_and_dtype_are_the_same_record():
         assert dtype.fields["crc"][1] == dtype.itemsize - CHECKSUM.size
 
 
-def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
+def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path):
     journal = Journal(tmp_path, HEADER)
     scaling = HEADER.axes[0]
     journal.event("e", count=np.int64(3), values=np.array([1.5, 2.5]), scaling=scaling, at=tmp_path)
@@ -35,14 +32,14 @@ def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
     )  # fmt: skip
 
 
-def test_a_second_run_does_not_overwrite_a_journal(tmp_path: Path):
+def test_a_second_run_does_not_overwrite_a_journal(tmp_path):
     with Journal(tmp_path, HEADER), pytest.raises(StagectlError, match="another run"):
         Journal(tmp_path, HEADER)
     with pytest.raises(StagectlError, match="cannot create"):
         Journal(tmp_path / "absent", HEADER)
 
 
-def test_a_full_disk_is_an_error_not_a_gap(tmp_path: Path):
+def test_a_full_disk_is_an_error_not_a_gap(tmp_path):
     journal = Journal(tmp_path, HEADER)
     os.close(journal._fd)  # noqa: SLF001 (the only disk at hand that refuses everything)
     journal._fd = os.open("/dev/full", os.O_WRONLY)  # noqa: SLF001

@@ -1,7 +1,5 @@
 """A damaged journal: the damage is cut out and said; everything else is what was written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,28 +8,28 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.store import Journal, read_ledger, read_recording, recover_journal
 from stagectl.store.journal import encode_header, sample_dtype
-from stagectl.store.journal_reader import JournalContent, parse_journal
+from stagectl.store.journal_reader import parse_journal
 from tests.unit.stagectl.store.journals import HEADER, content_of, sample, written
 
-COUNT = 12
+COUNT = 7
 START = len(encode_header(HEADER))
 SIZE = sample_dtype(2).itemsize
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def data(tmp_path_factory):
     journal = written(tmp_path_factory.mktemp("journal"), COUNT)
     journal.finish("completed")
     return journal.path.read_bytes()
 
 
-def parsed(data: bytes) -> JournalContent:
+def parsed(data):
     content = parse_journal(data, Path("j"))
     assert content is not None
     return content
 
 
-def is_as_written(content: JournalContent) -> bool:
+def is_as_written(content):
     """Whether every sample that counts is what was written, at its place and time."""
     recording = content.recording
     count = len(recording)
@@ -43,7 +41,7 @@ def is_as_written(content: JournalContent) -> bool:
     )
 
 
-def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data: bytes):
+def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data):
     lost_samples = lost_notes = 0
     notes = len(parsed(data).notes.events) + len(parsed(data).recording.moves)
     for at in range(START, len(data)):
@@ -63,7 +61,7 @@ def test_one_flipped_bit_costs_one_sample_or_one_note_and_is_said(data: bytes):
     assert lost_notes > 0
 
 
-def test_a_flipped_bit_in_the_header_is_no_other_stage(data: bytes):
+def test_a_flipped_bit_in_the_header_is_no_other_stage(data):
     for at in range(START - 1):
         flipped = bytearray(data)
         flipped[at] ^= 1 << at % 8
@@ -71,7 +69,7 @@ def test_a_flipped_bit_in_the_header_is_no_other_stage(data: bytes):
             parse_journal(bytes(flipped), Path("j"))
 
 
-def test_a_lost_stretch_is_filled_with_samples_that_do_not_count(tmp_path: Path):
+def test_a_lost_stretch_is_filled_with_samples_that_do_not_count(tmp_path):
     journal = Journal(tmp_path, HEADER)
     for k in range(40):
         journal.sink(sample(k))
@@ -94,13 +92,13 @@ def test_a_lost_stretch_is_filled_with_samples_that_do_not_count(tmp_path: Path)
     np.testing.assert_allclose(x.position_demand[1:], -np.arange(1, 40) * 1e-9)
 
 
-def test_a_damaged_end_is_said_and_a_cut_one_is_not(data: bytes):
+def test_a_damaged_end_is_said_and_a_cut_one_is_not(data):
     assert parsed(data).problem is None
     assert parsed(data[:-5]).problem is None
     assert parsed(data + bytes(100)).problem == "100 bytes of the journal are damaged"
 
 
-def test_an_index_out_of_reach_is_no_sample(tmp_path: Path):
+def test_an_index_out_of_reach_is_no_sample(tmp_path):
     """Else a few bytes could ask for any number of lost samples."""
     journal = Journal(tmp_path, HEADER)
     journal.sink(sample(0))

@@ -1,7 +1,5 @@
 """Recordings made of journals: of finished, killed and damaged runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -27,7 +25,7 @@ from stagectl.store.journal import encode_header
 from tests.unit.stagectl.store.journals import HEADER, move, written
 
 
-def test_a_finished_run_becomes_a_recording(tmp_path: Path):
+def test_a_finished_run_becomes_a_recording(tmp_path):
     journal = written(tmp_path)
     assert journal.samples == 30
     journal.move(move("micro", 20, 25))  # broken off: replaces what was announced
@@ -80,7 +78,7 @@ while True:
 """
 
 
-def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: Path):
+def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-c", KILLED_WRITER, str(tmp_path)],
         stdout=subprocess.PIPE,
@@ -102,7 +100,7 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
     assert recover_left_over(tmp_path) is None
 
 
-def test_the_folder_of_a_run_stands_for_its_recording(tmp_path: Path):
+def test_the_folder_of_a_run_stands_for_its_recording(tmp_path):
     with pytest.raises(UnusableInput, match=r"holds no recording\.h5"):
         recording_in(tmp_path)
     journal = written(tmp_path)
@@ -116,7 +114,7 @@ def test_the_folder_of_a_run_stands_for_its_recording(tmp_path: Path):
     assert recording_in(tmp_path / "other.h5") == tmp_path / "other.h5"
 
 
-def test_the_recording_of_another_run_is_kept(tmp_path: Path):
+def test_the_recording_of_another_run_is_kept(tmp_path):
     first = written(tmp_path, 5)
     first.finish("completed")
     recover_journal(first.path)
@@ -132,7 +130,7 @@ def test_the_recording_of_another_run_is_kept(tmp_path: Path):
     assert aside.path == tmp_path / "recording-recovered.h5"
 
 
-def test_a_kill_between_recording_and_removal_does_not_double_it(tmp_path: Path):
+def test_a_kill_between_recording_and_removal_does_not_double_it(tmp_path):
     journal = written(tmp_path, 5)
     journal.close()
     data = journal.path.read_bytes()
@@ -141,7 +139,7 @@ def test_a_kill_between_recording_and_removal_does_not_double_it(tmp_path: Path)
     assert recover_journal(journal.path).path == tmp_path / "recording.h5"
 
 
-def test_a_journal_without_samples_is_removed(tmp_path: Path):
+def test_a_journal_without_samples_is_removed(tmp_path):
     journal = Journal(tmp_path, HEADER)
     journal.event("boot")
     journal.close()
@@ -151,7 +149,7 @@ def test_a_journal_without_samples_is_removed(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_other_files_are_refused_and_kept(tmp_path: Path):
+def test_other_files_are_refused_and_kept(tmp_path):
     path = tmp_path / "recording.journal"
     path.write_bytes(b"\x89HDF something else\n")
     with pytest.raises(UnusableInput, match="not a journal"):
@@ -164,7 +162,7 @@ def test_other_files_are_refused_and_kept(tmp_path: Path):
         recover_journal(tmp_path / "absent.journal")
 
 
-def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
+def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path):
     journal = written(tmp_path)
     journal.close()
     data = journal.path.read_bytes()
@@ -177,7 +175,7 @@ def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
 
 
 @pytest.mark.parametrize("lost", ["cycle/arrival/x", "cycle/extra/x"])
-def test_a_ledger_without_an_axis_is_refused(tmp_path: Path, lost: str):
+def test_a_ledger_without_an_axis_is_refused(tmp_path, lost):
     journal = written(tmp_path)
     journal.close()
     path = recover_journal(journal.path).path

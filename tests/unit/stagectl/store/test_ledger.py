@@ -1,16 +1,12 @@
 """The cycle ledger: counted, and read back from a recording."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 
 from stagectl.store import CycleLedger, read_ledger, write_recording
 from tests.unit.stagectl.store.recordings import small_recording
 
 
-def test_the_ledger_is_read_back(tmp_path: Path):
+def test_the_ledger_is_read_back(tmp_path):
     arrival = np.full(50, 2e-4)
     arrival[[7, 8]] = np.nan
     late = np.arange(50) == 9
@@ -22,9 +18,3 @@ def test_the_ledger_is_read_back(tmp_path: Path):
     np.testing.assert_array_equal(read.arrival["y"], arrival)
     assert (read.missed, read.late_cycles) == (2, 1)
     assert list(read.missed_per_cycle[6:10]) == [0, 1, 1, 0]
-
-
-def test_a_recording_without_ledger_has_none(tmp_path: Path):
-    path = tmp_path / "r.h5"
-    write_recording(small_recording(), path)
-    assert read_ledger(path) is None

@@ -1,60 +1,27 @@
 """bus.asc read back, and its digest."""
 
-import hashlib
-
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from stagectl.errors import UnusableInput
 from stagectl.store import LoggedFrame, read_log
 from stagectl.store.asc_log import BUS_FAILED
 from tests.unit.stagectl.store.logs import ONE, logged
 
-FRAMES = st.lists(
-    st.tuples(st.integers(0, 10**9), st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30
-)
-
-
-@given(FRAMES)
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_logged_frames_are_read_back(tmp_path, frames):
-    frames.sort(key=lambda frame: frame[0])
-    log = logged(tmp_path, *((t_us * 1000, can_id, data) for t_us, can_id, data in frames))
-    back = read_log(log.path)
-    assert back.digest == back.stated == log.digest
-    first = frames[0][0] if frames else 0
-    assert [(f.time_ns, f.can_id, f.data) for f in back.frames()] == [
-        ((t - first) * 1000, can_id, data) for t, can_id, data in frames
-    ]
-
-
-def test_the_digest_is_that_of_the_frames_above_it(tmp_path):
-    *above, last = logged(tmp_path, ONE).path.read_bytes().splitlines(keepends=True)
-    head = above.index(b"   0.000000 Start of measurement\n") + 1
-    assert last.startswith(b"//")
-    assert last.split()[-1].decode() == hashlib.sha256(b"".join(above[head:])).hexdigest()
-
 
 def test_a_bus_failure_is_in_the_log(tmp_path):
     back = read_log(logged(tmp_path, ONE, (5000, BUS_FAILED, b"")).path)
     sent, failed = back.frames()
-    assert (sent, failed) == (
-        LoggedFrame(0, True, *ONE[1:]),
-        LoggedFrame(5000, False, -1, b""),
-    )
+    assert sent == LoggedFrame(0, True, *ONE[1:])
+    assert failed == LoggedFrame(5000, False, -1, b"")
     assert (sent.failed, failed.failed) == (False, True)
+
+
+UNLIKE = (("0.1", "1 00"), ("0.000001", "9 00"), ("0.000001", "2 00\x1f00"))
 
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "rubbish",
-        "0.1 1 201 Tx d 1 00",
-        "0.000001 1 201 Tx d 9 00",
-        "0.000001 1 201 Tx d 2 00\x1f00",
-        "\x1c",
-    ],
+    ["rubbish", *(f"{at} 1 201 Tx d {data}" for at, data in UNLIKE), "\x1c"],
 )
 def test_a_line_of_another_form_is_named(tmp_path, line):
     path = logged(tmp_path, ONE).path
@@ -83,9 +50,9 @@ def test_what_follows_the_digest_is_a_change(tmp_path):
 
 def test_line_ends_of_another_system_do_not_change_the_digest(tmp_path):
     log = logged(tmp_path, ONE)
-    path = log.path
-    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert read_log(path).digest == read_log(path).stated == log.digest
+    log.path.write_bytes(log.path.read_bytes().replace(b"\n", b"\r\n"))
+    back = read_log(log.path)
+    assert back.digest == back.stated == log.digest
 
 
 def test_a_log_that_has_changed_since_it_was_checked_is_refused_at_its_end(tmp_path):

@@ -1,7 +1,5 @@
 """The part of summary.json that comes from the samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,17 +7,16 @@ import numpy as np
 import pytest
 
 from stagectl.store import CycleLedger, finite, read_recording, summarise_samples
-from stagedata import Recording
 
 PERIODS = (1e-4, 1e-3)
 
 
 @pytest.fixture(scope="module")
-def recording() -> Recording:
+def recording():
     return read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
 
 
-def test_blocks_agree_with_the_moves_listed(recording: Recording):
+def test_blocks_agree_with_the_moves_listed(recording):
     summary = summarise_samples(recording, *PERIODS)
     assert list(summary["moves"][0]) == [
         "site", "axis", "kind", "distance", "peak_error", "settling", "settled",
@@ -36,14 +33,14 @@ def test_blocks_agree_with_the_moves_listed(recording: Recording):
         assert block["peak_error_median"] == np.median([move["peak_error"] for move in entries])
 
 
-def test_an_axis_that_does_not_move_has_no_entry(recording: Recording):
+def test_an_axis_that_does_not_move_has_no_entry(recording):
     distances = [abs(m.distance(axis)) for m in recording.moves for axis in recording.axes]
     still = sum(distance < 1e-9 for distance in distances)
     assert still
     assert len(summarise_samples(recording, *PERIODS)["moves"]) == len(distances) - still
 
 
-def test_missed_and_late_cycles_are_counted(recording: Recording):
+def test_missed_and_late_cycles_are_counted(recording):
     length = len(recording)
     x = recording.axes["x"]
     missed = replace(x, valid=np.arange(length) != 5)
@@ -68,7 +65,7 @@ def test_missed_and_late_cycles_are_counted(recording: Recording):
     }  # fmt: skip
 
 
-def test_unknown_values_are_null(recording: Recording):
+def test_unknown_values_are_null(recording):
     empty = {"count": 0, "peak_error_median": None}
     empty |= {f"settling_{name}": {} for name in ("median", "mean", "p90")}
     assert summarise_samples(replace(recording, moves=()), *PERIODS)["micro"] == empty
