@@ -3,7 +3,7 @@
 import re
 
 
-def changed_text(text: str, new: str) -> tuple[str, str]:
+def changed_text(text, new):
     """The text with the first value of the key that `new` begins with replaced by all of `new`.
 
     `^` in it marks a place, which comes back as `line:column`; "" without. After `KEY ->`, the text

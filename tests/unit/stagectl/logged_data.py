@@ -27,3 +27,8 @@ def read(tmp_path, path, head="", axis=AXIS, machine=MACHINE):
     (tmp_path / "machine.yaml").write_text(machine)
     (tmp_path / "map.yaml").write_text(f"machine: machine.yaml\n{head}axes:\n{axis}")
     return import_recording(path, *load_map(tmp_path / "map.yaml"))
+
+
+def logged(tmp_path, columns, head="", **options):
+    """These columns, from a file `a.csv`."""
+    return read(tmp_path, csv_of(columns, tmp_path / "a.csv"), head, **options)

@@ -1,7 +1,5 @@
 """Exit codes as docs/formats/run.md has them, messages of one line, failures to write."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path
@@ -42,18 +40,13 @@ def test_a_config_error_has_one_line_per_problem(problems):
     assert len(error.problems) == (1 if isinstance(problems, str) else 2)
 
 
+ELSEWHERE = (errno.EACCES, errno.EROFS, errno.ENOENT, errno.ENOTDIR)
+
+
 @pytest.mark.parametrize(
-    ("number", "code"),
-    [
-        (errno.EACCES, 2),
-        (errno.EROFS, 2),
-        (errno.ENOENT, 2),
-        (errno.ENOTDIR, 2),
-        (errno.ENOSPC, 1),
-        (errno.EIO, 1),
-    ],
+    ("number", "code"), [*((number, 2) for number in ELSEWHERE), (errno.ENOSPC, 1), (errno.EIO, 1)]
 )
-def test_another_path_helps_or_not(number: int, code: int) -> None:
+def test_another_path_helps_or_not(number, code):
     failure = failure_to_write("/x/y: cannot create", OSError(number, os.strerror(number)))
     assert failure.exit_code == code
     assert isinstance(failure, UnusableInput if code == 2 else StagectlError)

@@ -1,7 +1,5 @@
 """Rooms whose names are imported on first use: each name of their stub exists."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 import pytest

@@ -2,24 +2,15 @@
 
 import json
 
-import pytest
 from click.testing import CliRunner
 
 from stagectl.cli.doctor import command
-from stagectl.doctor import NAMES, Finding, examine
+from stagectl.doctor import NAMES
 from stagectl.errors import StagectlError
 
 
-@pytest.fixture(scope="module")
-def findings() -> list[Finding]:
-    return list(examine(0.02))
-
-
-def test_everything_is_examined_in_order(findings):
+def test_everything_is_examined_in_order_and_what_is_missing_has_a_remedy(findings):
     assert tuple(one.name for one in findings) == NAMES
-
-
-def test_what_is_missing_has_a_remedy(findings):
     for one in findings:
         assert one.found
         assert one.available or one.remedy, one.name

@@ -6,7 +6,7 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.importing import import_recording, load_map
 from stagectl.importing.columns import read_plc_trace
-from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, read
+from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, logged, read
 
 
 @pytest.fixture
@@ -38,19 +38,14 @@ def test_unreadable_files_are_one_line(example, tmp_path, name, content, words):
 
 
 @pytest.mark.parametrize(
-    ("form", "how"),
-    [
-        ("2024-05-01 23:59:{:09.6f}", ""),
-        ("23:59:{:09.6f}", ""),
-        ("01.05.2024 23:59:{:09.6f}", ", format: '%d.%m.%Y %H:%M:%S.%f'"),
-    ],
+    ("day", "how"),
+    [("2024-05-01 ", ""), ("", ""), ("01.05.2024 ", ", format: '%d.%m.%Y %H:%M:%S.%f'")],
 )
-def test_dates_and_times_of_day(columns, tmp_path, form, how):
-    at = [form.format(t) for t in columns["t"]]
+def test_dates_and_times_of_day(columns, tmp_path, day, how):
+    at = ["clock", *(f"{day}23:59:{t:09.6f}" for t in columns["t"])]
     path = csv_of(columns, tmp_path / "a.csv")
-    head, *rows = path.read_text().splitlines()
-    lines = [f"{text},{row}" for text, row in zip(at, rows, strict=True)]
-    path.write_text("\n".join([f"clock,{head}", *lines]))
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join(f"{text},{row}" for text, row in zip(at, rows, strict=True)))
     found = read(tmp_path, path, f"time: {{column: clock{how}}}\n")
     np.testing.assert_allclose(found.time, columns["t"] - columns["t"][0], atol=1e-6)
     with pytest.raises(UnusableInput, match="is not a number"):
@@ -61,8 +56,8 @@ def test_dates_and_times_of_day(columns, tmp_path, form, how):
 
 def test_a_counter_that_overflows_is_a_time(columns, tmp_path):
     count = (65000 + np.arange(3000)) % 65536
-    path = csv_of({**columns, "CYCLE": count}, tmp_path / "a.csv")
-    found = read(tmp_path, path, "time: {column: CYCLE, factor: 0.001, wrap: 65536}\n")
+    counted = "time: {column: CYCLE, factor: 0.001, wrap: 65536}\n"
+    found = logged(tmp_path, {**columns, "CYCLE": count}, counted)
     np.testing.assert_allclose(found.time, 0.001 * np.arange(3000), atol=1e-9)
 
 
@@ -86,34 +81,23 @@ def written(path, *variables):
     return path
 
 
-def test_a_trace_becomes_a_recording(columns, tmp_path):
-    times = [round(1e6 * t) for t in columns["t"]]
-    path = written(
-        tmp_path / "axis.trace",
-        *(variable(name, map(float, columns[name]), times) for name in ("qg", "qm", "vir")),
-        variable("bDone", ["False"] * 3000, times),
-    )
-    found = read(tmp_path, path, "time: {column: Timestamp, unit: us}\n").axes["slide"]
-    np.testing.assert_allclose(found.position_actual, columns["qm"])
-    np.testing.assert_allclose(found.force_actual, columns["vir"])
-
-
 def test_a_variable_of_another_task_has_its_own_times(columns, tmp_path):
     times = [round(1e6 * t) for t in columns["t"]]
     path = written(
-        tmp_path / "axis.xml",
-        variable("qg", map(float, columns["qg"]), times),
-        variable("qm", map(float, columns["qm"]), times),
+        tmp_path / "axis.trace",
+        *(variable(name, map(float, columns[name]), times) for name in ("qg", "qm")),
         variable("vir", map(float, columns["vir"][::2]), times[::2]),
+        variable("bDone", ["False"] * 3000, times),
     )
     assert set(read_plc_trace(path)) == {"qg", "qm", "vir", "Timestamp", "vir.Timestamp"}
     head = (
         "time: {column: Timestamp, unit: us}\nresample: true\n"
-        "files: {slow: {path: axis.xml, time: {column: vir.Timestamp, unit: us}}}\n"
+        "files: {slow: {path: axis.trace, time: {column: vir.Timestamp, unit: us}}}\n"
     )
     axis = AXIS.replace("{column: vir}", "{column: vir, file: slow}")
     found = read(tmp_path, path, head, axis=axis).axes["slide"]
     np.testing.assert_allclose(found.force_actual[::2], columns["vir"][::2])
+    np.testing.assert_allclose(found.position_actual, columns["qm"])
 
 
 def test_values_without_times_are_one_line(tmp_path):

@@ -93,7 +93,7 @@ def test_deviation_is_the_spread_where_the_force_carries_white_noise(own):
     rng = np.random.default_rng(4)
     noisy = [
         one_window(replace(move, force=move.force + 1e-4 * rng.standard_normal(len(move.force))))
-        for _ in range(200)
+        for _ in range(120)
     ]
     for name in PARAMETERS:
         spread = np.std([fit.value[name] for fit in noisy])

@@ -32,10 +32,6 @@ def test_demand_keeps_the_papers_limits_and_is_consistent(profile):
     np.testing.assert_allclose(np.diff(position, 2) / step**2, acceleration[1:-1], atol=0.02)
 
 
-def test_sine_move_lasts_as_computed_by_hand():
-    assert duration("sine") == pytest.approx(0.22882, abs=1e-5)
-
-
 def test_force_of_a_sliding_stage_is_inertia_coulomb_and_viscous():
     record = simulate(Case())
     x, u, period = record.position, record.force, 1 / record.rate

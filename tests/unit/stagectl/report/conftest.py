@@ -1,20 +1,16 @@
 """A recording by another program, and a summary of it as if it were a run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from stagectl.store import read_recording, summarise_samples
-from stagedata import Recording
 
 TC, TS = 1e-4, 1e-3
 
 
-def friction(site: int, axis: str, value: float, reason: str | None = None) -> dict[str, Any]:
+def friction(site, axis, value, reason=None):
     return {
         "site": site, "axis": axis, "accepted": reason is None, "reason": reason,
         "compute_time": 3e-5, "gain": {}, "held": [],
@@ -31,17 +27,17 @@ FACTS = {
 
 
 @pytest.fixture(scope="session")
-def recording() -> Recording:
+def recording():
     """Another program's recording, with sites as a run of ours would have them."""
     read = read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
     moves = tuple(replace(move, site=i // 2 + 1) for i, move in enumerate(read.moves))
     return replace(read, moves=moves)
 
 
-def summary_of(recording: Recording, **changes: Any) -> dict[str, Any]:
+def summary_of(recording, **changes):
     return {**FACTS, **summarise_samples(recording, TC, TS), **changes}
 
 
 @pytest.fixture(scope="session")
-def summary(recording: Recording) -> dict[str, Any]:
+def summary(recording):
     return summary_of(recording)

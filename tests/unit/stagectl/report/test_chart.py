@@ -1,7 +1,5 @@
 """Charts as data beside their place in a page."""
 
-from __future__ import annotations
-
 import json
 import re
 
@@ -11,13 +9,13 @@ from markupsafe import escape
 from stagectl.report.chart import Chart, Curve, legend
 
 
-def data(chart: Chart) -> dict[str, object]:
+def data(chart):
     found = re.search(r'application/json">(.*)</script>', str(escape(chart)))
     assert found is not None
     return dict(json.loads(found[1]))
 
 
-def test_a_chart_has_its_curves_with_what_can_be_drawn() -> None:
+def test_a_chart_has_its_curves_with_what_can_be_drawn():
     gone = np.array([np.nan, -1.0, 0.0, 1.0, 10.0])
     chart = Chart([Curve("after", gone, gone)], "x", "y <z>", log="xy")
     (curve,) = data(chart)["curves"]
@@ -25,7 +23,7 @@ def test_a_chart_has_its_curves_with_what_can_be_drawn() -> None:
     assert "y &lt;z&gt; over x" in escape(chart)
 
 
-def test_long_curves_are_thinned_but_those_with_a_band_keep_it() -> None:
+def test_long_curves_are_thinned_but_those_with_a_band_keep_it():
     x = np.arange(1e5)
     (curve,) = data(Chart([Curve("measured", x, np.sin(x))], "x", "y"))["curves"]
     assert len(curve["x"]) == len(curve["y"]) < 1000
@@ -34,7 +32,7 @@ def test_long_curves_are_thinned_but_those_with_a_band_keep_it() -> None:
     assert (curve["low"], curve["high"]) == ([-1.0, 0.0, 1.0], [1.0, 2.0, 3.0])
 
 
-def test_times_keep_their_seconds() -> None:
+def test_times_keep_their_seconds():
     at = np.array([1.7e9, 1.7e9 + 1.0])
     (curve,) = data(Chart([Curve("after", at, at, has_line=False)], "", "N", is_time=True))[
         "curves"
@@ -42,11 +40,11 @@ def test_times_keep_their_seconds() -> None:
     assert curve["x"] == [1.7e9, 1.7e9 + 1.0]
 
 
-def test_without_anything_to_draw_it_says_so() -> None:
+def test_without_anything_to_draw_it_says_so():
     nothing = np.array([np.nan])
     assert "Nothing to draw" in escape(Chart([], "x", "y"))
     assert "Nothing to draw" in escape(Chart([Curve("after", nothing, nothing)], "x", "y"))
 
 
-def test_a_legend_escapes_its_words() -> None:
+def test_a_legend_escapes_its_words():
     assert '<i class="before"></i>a &lt;b&gt;' in legend("measured", ("before", "a <b>"))

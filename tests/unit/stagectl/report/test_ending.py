@@ -1,15 +1,11 @@
 """The end of a run in words, from its summary alone."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from stagectl.report.ending import interruption, reason, resume_command, verdict
 
 
-def ended(**told: Any) -> dict[str, Any]:
+def ended(**told):
     return {"fault": None, "interrupted": {"unit": "site", "done": 7, "of": 20, "at": 8, **told}}
 
 
@@ -22,18 +18,18 @@ def ended(**told: Any) -> dict[str, Any]:
         ({"unit": "move", "at": None, "done": 0}, "before the first of 20 moves"),
     ],
 )
-def test_where_it_ended(told: dict[str, Any], text: str) -> None:
+def test_where_it_ended(told, text):
     assert interruption(ended(**told)) == text
 
 
-def test_a_complete_run_has_no_place_no_reason_and_no_command() -> None:
+def test_a_complete_run_has_no_place_no_reason_and_no_command():
     summary = {"fault": None}
     assert interruption(summary) is None
     assert reason(summary) == ""
     assert resume_command(summary) is None
 
 
-def test_the_reason_of_the_interruption_comes_before_the_fault() -> None:
+def test_the_reason_of_the_interruption_comes_before_the_fault():
     assert reason({**ended(reason="stopped by the operator"), "fault": "axis x: ..."}) == (
         "stopped by the operator"
     )
@@ -50,7 +46,7 @@ def test_the_reason_of_the_interruption_comes_before_the_fault() -> None:
         (("incomplete", 0, 0), "wafer W1 incomplete: 0 of 20 sites judged"),
     ],
 )
-def test_the_verdict_counts_sites(limits: tuple[str, int, int], text: str) -> None:
+def test_the_verdict_counts_sites(limits, text):
     how, passed, failed = limits
     judged = {"verdict": how, "passed": passed, "failed": failed, "of": 20}
     assert verdict({"wafer": "W1", "limits": judged}) == text

@@ -1,7 +1,5 @@
 """Figures as text."""
 
-from __future__ import annotations
-
 import pytest
 
 from stagectl.report.formats import digits, listed, micrometres, milliseconds, with_sigma
@@ -11,12 +9,12 @@ from stagectl.report.formats import digits, listed, micrometres, milliseconds, w
     ("metres", "text"),
     [(9e-8, "0.0900"), (5.2e-5, "52.0"), (0.025, "25 000"), (0.0, "0"), (None, "–")],  # noqa: RUF001
 )
-def test_lengths_have_three_significant_digits(metres: float | None, text: str):
+def test_lengths_have_three_significant_digits(metres, text):
     assert micrometres(metres) == text
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.0, "0"), (0.1435, "143.5"), (0.002, "2")])
-def test_times_in_milliseconds(seconds: float, text: str):
+def test_times_in_milliseconds(seconds, text):
     assert milliseconds(seconds) == text
 
 

@@ -1,9 +1,5 @@
 """What a run says."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from stagectl.report.run_outline import (
@@ -12,26 +8,25 @@ from stagectl.report.run_outline import (
     learned_feedforward,
     run_outline,
 )
-from stagedata import Recording
 
 
-def rows(summary: dict[str, Any], name: str, recording: Recording | None = None) -> list[list[str]]:
+def rows(summary, name, recording=None):
     table = run_outline(summary, recording).sections[name].table
     assert table is not None
     return [[c if isinstance(c, str) else c.text for c in row] for row in table.rows]
 
 
-def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
+def test_interrupted_moves_are_not_in_the_table(summary):
     moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
     moves += [move for move in summary["moves"] if move["axis"] == "y"]
     assert {row[0] for row in rows({**summary, "moves": moves}, "results")} == {"y"}
 
 
-def test_without_updates_all_moves_have_the_same_model(summary: dict[str, Any]):
+def test_without_updates_all_moves_have_the_same_model(summary):
     assert {row[2] for row in rows({**summary, "compensation": "oracle"}, "results")} == {"true"}
 
 
-def test_friction_is_that_of_the_last_accepted_estimate(summary: dict[str, Any]):
+def test_friction_is_that_of_the_last_accepted_estimate(summary):
     first = summary["friction"][0]
     assert rows(summary, "friction") == [["x", "coulomb", "6.020", "0.010", "N", "1 of 1"]]
     later = {**first, "parameters": {"coulomb": {"value": 8.765, "sigma": 0.012, "unit": "N"}}}
@@ -39,7 +34,7 @@ def test_friction_is_that_of_the_last_accepted_estimate(summary: dict[str, Any])
     assert rows(again, "friction") == [["x", "coulomb", "8.765", "0.012", "N", "2 of 3"]]
 
 
-def test_refused_estimates_and_failed_sites_are_named(summary: dict[str, Any]):
+def test_refused_estimates_and_failed_sites_are_named(summary):
     refused = {**summary["friction"][0], "accepted": False, "site": 3, "reason": "too little"}
     limits = {
         "verdict": "fail", "passed": 1, "failed": 1, "of": 2,
@@ -54,63 +49,50 @@ def test_refused_estimates_and_failed_sites_are_named(summary: dict[str, Any]):
     assert told == ["site 3 axis x: too little", "axis x: too little", "site 2: peak error 1 um"]
 
 
-def test_an_interrupted_run_says_where_and_how_to_continue(summary: dict[str, Any]):
-    stop = {
-        "reason": "axis y: 0x8611", "unit": "site", "done": 2, "of": 5, "at": 3,
-        "resume": "stagectl run r.yaml --resume runs/a",
-    }  # fmt: skip
-    ended = {**summary, "outcome": "fault", "fault": "axis y: 0x8611", "interrupted": stop}
+def test_an_interrupted_run_says_where_and_how_to_continue(summary):
+    command, fault = "stagectl run r.yaml --resume runs/a", "axis y: 0x8611"
+    stop = {"reason": fault, "unit": "site", "done": 2, "of": 5, "at": 3, "resume": command}
+    ended = {**summary, "outcome": "fault", "fault": fault, "interrupted": stop}
     outline = run_outline(ended, None)
     assert [badge.text for badge in outline.badges] == ["Ended with a fault"]
     assert outline.headline.startswith("Ended at site 3 of 5 (")
-    assert outline.command == stop["resume"]
-    assert "axis y: 0x8611" not in [fact.text for fact in outline.notices]
+    assert outline.command == command
+    assert fault not in [fact.text for fact in outline.notices]
 
 
-def test_punctuality_is_mentioned_only_where_it_lacked(summary: dict[str, Any]):
+def test_punctuality_is_mentioned_only_where_it_lacked(summary):
     cycle = {"period": 0.001, "missed": 0, "late": 0}
     assert run_outline({**summary, "cycle": cycle}, None).notices[-1].level == "good"
-    lacked = {
-        **summary,
-        "cycle": {**cycle, "missed": 3, "late": 2},
-        "punctuality": {"late_in_a_row": 2, "doubled": 1},
-    }
-    assert (
-        run_outline(lacked, None)
-        .notices[-1]
-        .text.endswith("3 TPDOs missed, 2 SYNCs late (at most 2 in a row), 1 received twice")
-    )
+    punctuality = {"late_in_a_row": 2, "doubled": 1}
+    lacked = {**summary, "cycle": {**cycle, "missed": 3, "late": 2}, "punctuality": punctuality}
+    said = run_outline(lacked, None).notices[-1].text
+    assert said.endswith("3 TPDOs missed, 2 SYNCs late (at most 2 in a row), 1 received twice")
 
 
-def test_parameters_that_no_move_was_informative_about_are_named(summary: dict[str, Any]):
-    def entry(axis: str, accepted: bool, **gain: float) -> dict[str, Any]:
+def test_parameters_that_no_move_was_informative_about_are_named(summary):
+    def entry(axis, accepted, **gain):
         figures = {name: {"value": 1.0, "sigma": 0.1, "unit": "1"} for name in gain}
         held = [name for name, value in gain.items() if value == 1.0]
-        return {
-            "site": 1, "axis": axis, "accepted": accepted, "reason": None if accepted else "why",
-            "parameters": figures, "gain": gain, "held": held if accepted else [],
-            "compute_time": 1e-4,
-        }  # fmt: skip
+        told = {"reason": None, "held": held} if accepted else {"reason": "why", "held": []}
+        of = {"site": 1, "axis": axis, "accepted": accepted, "compute_time": 1e-4}
+        return {**of, "parameters": figures, "gain": gain, **told}
 
-    friction = [
-        entry("x", True, coulomb=30.0, viscous=1.0), entry("x", True, coulomb=1.0, viscous=1.0),
-        entry("y", False, coulomb=1.0, viscous=1.0),
-    ]  # fmt: skip
+    nothing = {"coulomb": 1.0, "viscous": 1.0}
+    friction = [entry("x", True, **{**nothing, "coulomb": 30.0}), entry("x", True, **nothing)]
+    friction.append(entry("y", False, **nothing))
     section = run_outline({**summary, "friction": friction}, None).sections["friction"]
+    less = "2 of 2 accepted moves say less about it than was known; fast"
     assert [fact.text for fact in section.facts] == [
-        f"{what} kept its initial value: {why} would be informative"
+        f"{what} kept its initial value: {why} moves would be informative"
         for what, why in (
-            (
-                "viscous of axis x",
-                "2 of 2 accepted moves say less about it than was known; fast moves",
-            ),
-            ("coulomb of axis y", "no estimate was accepted; sliding moves"),
-            ("viscous of axis y", "no estimate was accepted; fast moves"),
+            ("viscous of axis x", less),
+            ("coulomb of axis y", "no estimate was accepted; sliding"),
+            ("viscous of axis y", "no estimate was accepted; fast"),
         )
     ]
 
 
-def test_what_happened_is_told_on_terminal_and_page_alike(summary: dict[str, Any]):
+def test_what_happened_is_told_on_terminal_and_page_alike(summary):
     happened = {
         **summary,
         "steps": [
@@ -129,14 +111,11 @@ def test_what_happened_is_told_on_terminal_and_page_alike(summary: dict[str, Any
     assert "the history has 9 of 71 estimates" in told
 
 
-def test_arrival_of_tpdos_is_told_only_where_there_was_a_bus(summary: dict[str, Any]):
-    ledger = {
-        "tardy": 0, "doubled": 0, "late_in_a_row": 0, "arrival": {"x": {"max": 0.0004}},
-    }  # fmt: skip
-    summary = {
-        **summary, "simulated": False, "punctuality": ledger,
-        "cycle": {"period": 0.002, "missed": 0, "late": 0},
-    }  # fmt: skip
+def test_arrival_of_tpdos_is_told_only_where_there_was_a_bus(summary):
+    cycle = {"period": 0.002, "missed": 0, "late": 0}
+    ledger = dict.fromkeys(("tardy", "doubled", "late_in_a_row"), 0)
+    ledger["arrival"] = {"x": {"max": 0.0004}}
+    summary = {**summary, "simulated": False, "punctuality": ledger, "cycle": cycle}
     (*_, cycle) = run_outline(summary, None).notices
     assert cycle.text.endswith("the latest TPDO came 0.4 ms after its SYNC")
     (*_, cycle) = run_outline({**summary, "simulated": True}, None).notices
@@ -176,7 +155,7 @@ def test_the_headline_gives_the_worse_axis_where_one_is_fast():
         ({"map": None, "compensation": "model"}, "none (compensation model)"),
     ],
 )
-def test_the_friction_map_of_a_run_in_words(facts: dict[str, Any], text: str):
+def test_the_friction_map_of_a_run_in_words(facts, text):
     assert friction_map_used({"compensation": "estimated", **facts}) == text
 
 

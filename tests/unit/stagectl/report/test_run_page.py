@@ -1,25 +1,22 @@
 """The report: one file that needs nothing else, saying what the summary says."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
 from statistics import median
-from typing import Any
 
 import numpy as np
 
 from stagectl.report.run_page import render_report
 from stagectl.report.traces import BEFORE
-from stagedata import Recording, aligned_demand
+from stagedata import aligned_demand
 from tests.unit.stagectl.report.conftest import friction, summary_of
 from tests.unit.stagectl.report.page import Page
 
 TC, TS = 1e-4, 1e-3
 
 
-def test_the_page_loads_nothing(recording: Recording, summary: dict[str, Any]):
+def test_the_page_loads_nothing(recording, summary):
     html = render_report(recording, summary, control_period=TC)
     page = Page(html)
     assert page.loads == []
@@ -29,24 +26,19 @@ def test_the_page_loads_nothing(recording: Recording, summary: dict[str, Any]):
     assert "uPlot" in html
 
 
-def test_the_page_states_the_results_of_the_summary(recording: Recording, summary: dict[str, Any]):
+def test_the_page_states_the_results_of_the_summary(recording, summary):
     text = Page(render_report(recording, summary, control_period=TC)).text
     assert "Completed" in text
-    slower = max(
-        median(
-            move["settling"]["5e-08"]
-            for move in summary["moves"]
-            if (move["kind"], move["axis"]) == ("micro", axis)
-        )
-        for axis in ("x", "y")
-    )
+    micro = [move for move in summary["moves"] if move["kind"] == "micro"]
+    times = {a: [m["settling"]["5e-08"] for m in micro if m["axis"] == a] for a in "xy"}
+    slower = max(map(median, times.values()))
     assert f"±50 nm in {1e3 * slower:g}\u00a0ms" in text
     assert "1 of 2 friction estimates were refused" in text
     assert "innovation <too> large" in text  # as text, not as a tag
     assert "6.02" in text
 
 
-def test_text_of_files_cannot_become_markup(recording: Recording):
+def test_text_of_files_cannot_become_markup(recording):
     evil = "</script><script>alert(1)</script>"
     bad = replace(recording, machine=evil, recipe=evil)
     entry = friction(2, "y", 1.0, evil)
@@ -59,7 +51,7 @@ def test_text_of_files_cannot_become_markup(recording: Recording):
     assert json.loads(page.data)["friction"][0]["name"] == evil
 
 
-def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: dict[str, Any]):
+def test_embedded_error_is_that_of_the_recording(recording, summary):
     data = json.loads(Page(render_report(recording, summary, control_period=TC)).data)
     assert len(data["moves"]) == len(recording.moves)
     number = 5
@@ -75,7 +67,7 @@ def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: 
     assert abs(aligned_demand(x, TC / TS)[k - 1] - move.target["x"]) > 1e-9
 
 
-def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
+def test_a_run_that_was_aborted_before_its_first_move(recording):
     empty = replace(recording, moves=())
     summary = summary_of(empty, outcome="aborted", compensation="none", friction=[])
     page = Page(render_report(empty, summary, control_period=TC))
@@ -85,7 +77,7 @@ def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     assert json.loads(page.data)["moves"] == []
 
 
-def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, Any]):
+def test_a_list_of_moves_has_no_sites(recording, summary):
     moves = tuple(replace(move, site=None) for move in recording.moves)
     entries = [{**entry, "site": None} for entry in summary["moves"]]
     friction = [{**entry, "site": 0} for entry in summary["friction"] * 2]

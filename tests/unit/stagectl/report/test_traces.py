@@ -1,21 +1,17 @@
 """The data of the report's charts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from stagectl.report.traces import BEFORE, chart_data, friction_panels, panel_range
-from stagedata import Recording
 from tests.unit.stagectl.report.conftest import summary_of
 
 TC, TS = 1e-4, 1e-3
 
 
-def test_missed_samples_are_gaps(recording: Recording):
+def test_missed_samples_are_gaps(recording):
     k = recording.moves[2].start
     x = replace(recording.axes["x"], valid=np.arange(len(recording)) != k)
     masked = replace(recording, axes={"x": x, "y": recording.axes["y"]})
@@ -25,9 +21,7 @@ def test_missed_samples_are_gaps(recording: Recording):
     assert data["moves"][2]["error"]["y"][BEFORE] is not None
 
 
-def test_a_move_outside_a_window_at_its_end_is_marked_for_that_window(
-    recording: Recording, summary: dict[str, Any]
-):
+def test_a_move_outside_a_window_at_its_end_is_marked_for_that_window(recording, summary):
     drawn = chart_data(recording, summary, TC)["settling"]
     assert [("5e-08" in e["outside"]) for e in drawn] == [
         not m["settled"] for m in summary["moves"]
@@ -39,7 +33,7 @@ def test_a_move_outside_a_window_at_its_end_is_marked_for_that_window(
 
 
 def test_a_long_run_embeds_its_slowest_micro_moves_and_says_how_many_it_leaves_out(
-    recording: Recording, summary: dict[str, Any]
+    recording, summary
 ):
     data = chart_data(recording, summary, TC, max_samples=2000)
     assert 0 < len(data["moves"]) < 15
@@ -49,38 +43,36 @@ def test_a_long_run_embeds_its_slowest_micro_moves_and_says_how_many_it_leaves_o
     assert data["moves"][data["first"]]["kind"] == "micro"
 
 
-def test_a_summary_of_another_recording_is_refused(recording: Recording, summary: dict[str, Any]):
+def test_a_summary_of_another_recording_is_refused(recording, summary):
     with pytest.raises(ValueError, match="not those of the recording"):
         chart_data(replace(recording, moves=recording.moves[:5]), summary, TC)
 
 
-def point(value: float | None, sigma: float | None, accepted: bool = True) -> dict[str, Any]:
+def point(value, sigma, accepted=True):
     return {"value": value, "sigma": sigma, "accepted": accepted}
 
 
-def entry(axis: str, site: int, **values: float) -> dict[str, Any]:
+def entry(axis, site, **values):
     figures = {name: {"value": v, "sigma": 0.01 * v, "unit": "N"} for name, v in values.items()}
     return {"axis": axis, "site": site, "accepted": True, "parameters": figures}
 
 
-def test_estimates_before_the_parameter_was_known_do_not_widen_the_range():
-    course = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
-    low, high = panel_range([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
-    assert 5.9e5 < low < 6.0e5 - 2.8e3
-    assert 6.0e5 + 2.5e3 < high < 6.1e5
+COURSE = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
 
 
-def test_a_known_drift_is_shown_completely():
-    course = [point(6.0 + 0.1 * k, 0.05) for k in range(20)]
-    low, high = panel_range(course)
-    assert low < 5.95
-    assert high > 7.95
-
-
-def test_the_last_accepted_estimate_is_shown_however_uncertain():
-    low, high = panel_range([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
-    assert low < 6.0
-    assert high > 10.0
+@pytest.mark.parametrize(
+    ("points", "lowest", "highest"),
+    [
+        ([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *COURSE], (5.9e5, 5.972e5), (6.025e5, 6.1e5)),
+        ([point(6.0 + 0.1 * k, 0.05) for k in range(20)], (0.0, 5.95), (7.95, 99.0)),
+        ([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)], (0.0, 6.0), (10.0, 99.0)),
+    ],
+    ids=["before it was known", "a known drift", "the last one, however uncertain"],
+)
+def test_the_range_has_all_that_matters_and_is_not_widened_by_the_rest(points, lowest, highest):
+    low, high = panel_range(points)
+    assert lowest[0] < low < lowest[1]
+    assert highest[0] < high < highest[1]
 
 
 def test_refused_estimates_count_only_if_all_were_refused():
@@ -91,14 +83,11 @@ def test_refused_estimates_count_only_if_all_were_refused():
 @pytest.mark.parametrize(
     "points",
     [
-        [point(None, None)],
-        [point(0.0, 0.0)],
-        [point(0.0, None)],
-        [point(5.0, None)],
+        *([point(*one)] for one in ((None, None), (0.0, 0.0), (0.0, None), (5.0, None))),
         [point(-1.7e308, 1e307), point(1.7e308, 1e307)],
     ],
 )
-def test_a_range_is_never_empty_nor_infinite(points: list[dict[str, Any]]):
+def test_a_range_is_never_empty_nor_infinite(points):
     low, high = panel_range(points)
     assert -float("inf") < low < high < float("inf")
 

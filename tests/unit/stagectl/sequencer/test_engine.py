@@ -10,15 +10,7 @@ from estimation.trajectory import Limits
 from hil_sim.plant import Plant
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe import (
-    Dwell,
-    Excite,
-    ExposeStep,
-    FiducialStep,
-    MoveStep,
-    Profile,
-    Settle,
-)
+from stagectl.recipe import Dwell, Excite, ExposeStep, FiducialStep, MoveStep, Profile, Settle
 from stagectl.sequencer import (
     Engine,
     Exposed,
@@ -33,7 +25,7 @@ from stagectl.sequencer import (
     Waiting,
     make_compensation,
 )
-from stagedata import Move, Samples
+from stagedata import Samples
 
 TS = 1e-3
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
@@ -43,14 +35,14 @@ SETTLE = Settle(5e-8, 0.005, 0.15, "continue")
 class BareStage:
     """The simulated mechanics behind the engine's port, no bus in between."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.settings = stage_settings(load_machine())
         self.plant = Plant(self.settings, 1)
         for a in range(2):
             self.plant.power(a, True)
         self.count = 0
-        self.demands: list[np.ndarray] = []
-        self.offsets: list[np.ndarray] = []
+        self.demands = []
+        self.offsets = []
         self.at_sample = {}
 
     @property
@@ -86,7 +78,7 @@ class BareStage:
 
 
 class Marks:
-    def __init__(self, offset=(3e-5, -2e-5)) -> None:
+    def __init__(self, offset=(3e-5, -2e-5)):
         self.offset = offset
         self.asked = []
 
@@ -103,8 +95,8 @@ def make(mode=Mode.ESTIMATED, marks=None):
         MovingAxis(name, Limits(a.limits.velocity, a.limits.acceleration, a.limits.jerk), 1e-9, c)
         for (name, a), c in zip(machine.axes.items(), compensation, strict=True)
     ]
-    moves: list[Move] = []
-    events: list = []
+    moves = []
+    events = []
     engine = Engine(stage, axes, marks or Marks(), TS, moves.append, events.append)
     return engine, stage, moves, events
 
@@ -240,13 +232,8 @@ def test_a_stop_at_rest_takes_effect_at_once():
 
 def test_moves_can_be_relative_with_dwells_between():
     engine, _, moves, _ = make()
-    engine.run(
-        [
-            MoveStep(None, "creep", (1e-3, 0.0), Profile(0.005, 0.5, 50.0)),
-            Dwell(0.05),
-            MoveStep(None, "other", None, MICRO, (-1e-4, 0.0)),
-        ]
-    )
+    there = MoveStep(None, "creep", (1e-3, 0.0), Profile(0.005, 0.5, 50.0))
+    engine.run([there, Dwell(0.05), MoveStep(None, "other", None, MICRO, (-1e-4, 0.0))])
     assert [m.kind for m in moves] == ["creep", "other"]
     assert moves[1].start - moves[0].end == 50
     assert moves[1].target["x"] == pytest.approx(9e-4)

@@ -1,7 +1,5 @@
 """Setpoints that shake an axis: from rest to rest, within all limits, with power over the band."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

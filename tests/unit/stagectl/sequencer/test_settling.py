@@ -1,7 +1,5 @@
 """Settling statistics on constructed signals, to the definitions of docs/formats/run.md."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,7 @@ TS, TC = 1e-3, 1e-4
 DATA = Path(__file__).parents[3] / "data"
 
 
-def signals(demand: np.ndarray, error: np.ndarray | None = None, valid=None) -> AxisSignals:
+def signals(demand, error=None, valid=None):
     """An axis whose position is its aligned demand minus `error`."""
     zeros = np.zeros(len(demand))
     blank = AxisSignals(demand, zeros, demand, zeros, None, np.ones(len(demand), dtype=bool))
@@ -26,12 +24,12 @@ def signals(demand: np.ndarray, error: np.ndarray | None = None, valid=None) -> 
     )
 
 
-def recording(moves: tuple[Move, ...], **axes: AxisSignals) -> Recording:
+def recording(moves, **axes):
     length = len(next(iter(axes.values())))
     return Recording("", "", "", np.arange(length) * TS, axes, moves, "constructed")
 
 
-def ramp(length: int, start: int, steps: int, target: float) -> np.ndarray:
+def ramp(length, start, steps, target):
     """Demand 0, then `steps` equal steps from sample `start` on, the last one reaching target."""
     k = np.arange(length)
     return np.round(np.clip((k - start + 1) / steps, 0, 1) * target * 1e9) * 1e-9
@@ -139,7 +137,7 @@ def test_an_interrupted_move_is_marked_and_left_out_of_the_statistics():
 
 
 def test_statistics_over_axes_and_moves():
-    def result(axis: str, seconds: float, peak: float) -> MoveResult:
+    def result(axis, seconds, peak):
         return MoveResult(0, 1, axis, "micro", 1e-5, peak, {5e-8: seconds}, True, True)
 
     results = [result("x", s / 1000, s * 1e-9) for s in range(10)] + [result("y", 0.1, 1e-6)]

@@ -88,11 +88,8 @@ def watched(outside, invalid=0):
     check_following_error(samples, DEMAND, ("x", "y"), (1e-3, 1e-3))
 
 
-def test_position_is_compared_with_the_demand_of_the_sample_before():
-    watched(0)
-
-
 def test_a_few_samples_outside_the_window_are_no_fault():
+    watched(0)  # each position is compared with the demand of the sample before
     watched(FAULT_SAMPLES - 1)
     watched(FAULT_SAMPLES + 4, invalid=5)
 

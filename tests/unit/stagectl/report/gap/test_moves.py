@@ -2,34 +2,23 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sim2real.gap import compare_with_model
 from sim2real.phases import split_moves
-from stagectl.config import load_machine, stage_settings
 from stagectl.report.gap.moves import move_data
-from stagectl.store import read_recording
 from stagedata import aligned_demand
 
-DATA = Path(__file__).parents[4] / "data"
 RATIO = 0.1
-SETTINGS = stage_settings(load_machine())
-
-
-@pytest.fixture(scope="module")
-def measured():
-    return compare_with_model(read_recording(DATA / "null-2.h5"), SETTINGS, draws=1)
 
 
 def unpacked(series, kind):
     return np.cumsum(series[kind]) * series["step"]
 
 
-def test_every_move_is_there_and_unpacks_to_its_signals(measured):
-    data = move_data([measured], [measured.floor.nominal], SETTINGS, "y", max_values=10**9)
+def test_every_move_is_there_and_unpacks_to_its_signals(measured, settings):
+    data = move_data([measured], [measured.floor.nominal], settings, "y", max_values=10**9)
     blocks = split_moves(measured.replay.recording, measured.replay.period)
     assert len(data["moves"]) == len(blocks)
     assert (data["every"], data["axis"], data["kinds"]) == (1, "y", ["before", "after"])
@@ -48,24 +37,24 @@ def test_every_move_is_there_and_unpacks_to_its_signals(measured):
         assert error["step"] < 1e-3 * max(np.abs(expected).max(), 1e-9)
 
 
-def test_the_move_with_the_largest_force_residual_comes_first(measured):
+def test_the_move_with_the_largest_force_residual_comes_first(measured, settings):
     blocks = split_moves(measured.replay.recording, measured.replay.period)
     energies = [
         np.sum(measured.residual["x"]["force"][block.moving : block.end] ** 2) for block in blocks
     ]
-    assert move_data([measured], None, SETTINGS, "x")["first"] == int(np.argmax(energies))
+    assert move_data([measured], None, settings, "x")["first"] == int(np.argmax(energies))
 
 
-def test_long_recordings_are_shown_with_fewer_samples(measured):
-    whole = len(json.dumps(move_data([measured], None, SETTINGS, "x", max_values=10**9)))
-    data = move_data([measured], None, SETTINGS, "x", max_values=10_000)
+def test_long_recordings_are_shown_with_fewer_samples(measured, settings):
+    whole = len(json.dumps(move_data([measured], None, settings, "x", max_values=10**9)))
+    data = move_data([measured], None, settings, "x", max_values=10_000)
     assert data["every"] > 1
     assert len(json.dumps(data)) < whole / data["every"] * 2
     assert len(data["moves"]) == len(split_moves(measured.replay.recording, 1e-3))
 
 
-def test_where_only_forces_are_compared_there_is_no_following_error(measured):
+def test_where_only_forces_are_compared_there_is_no_following_error(measured, settings):
     forces = {**measured.gap, "x": {"force": measured.gap["x"]["force"]}}
-    for move in move_data([replace(measured, gap=forces)], None, SETTINGS, "x")["moves"]:
+    for move in move_data([replace(measured, gap=forces)], None, settings, "x")["moves"]:
         assert set(move["axes"]["x"]) == {"force"}
         assert set(move["axes"]["y"]) == {"force", "error"}

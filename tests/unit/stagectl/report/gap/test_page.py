@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,34 +24,19 @@ from sim2real.findings import (
     Unlisted,
 )
 from sim2real.residuals import view_residuals
-from stagectl.config import load_machine, stage_settings
 from stagectl.report.gap.outline import headline
 from stagectl.report.gap.page import render_gap_page
-from stagectl.store import read_recording
+from stagectl.store import RecordingBlocks
+from tests.unit.stagectl.report.gap.conftest import NULL
 from tests.unit.stagectl.report.page import Page
-
-DATA = Path(__file__).parents[4] / "data"
-
 
 ONLY_WITH_CAUSES = ("Step by step", "Plant figures")
 
 
-def shortened(recorded, samples):
-    axes = {
-        name: replace(
-            s, position_demand=s.position_demand[:samples], force_offset=s.force_offset[:samples],
-            position_actual=s.position_actual[:samples], force_actual=s.force_actual[:samples],
-            statusword=None, valid=s.valid[:samples],
-        )
-        for name, s in recorded.axes.items()
-    }  # fmt: skip
-    return replace(recorded, time=recorded.time[:samples], axes=axes, moves=())
-
-
 @pytest.fixture(scope="module")
-def examined():
-    recorded = shortened(read_recording(DATA / "null-2.h5"), 2500)
-    return examine([recorded], stage_settings(load_machine()))
+def examined(settings):
+    first = next(iter(RecordingBlocks(NULL, 2500)))
+    return examine([replace(first, moves=())], settings)
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +67,7 @@ def explained(examined):
         confusable=(
             Confusable("y", ("force_ripple", "cogging"), "both waves"),
         ),
-        next_experiment=NextExperiment(
-            "move slowly", ({"kind": "macro", "to": [0.0, 0.1]},), {}, {}
-        ),
+        next_experiment=NextExperiment("move slowly", ({"to": [0.0, 0.1]},), {}, {}),
         figures=(
             FigureChange("x", "stiffness", 6e5, 6.01e5, 430.0, "N/m", True, "known to 0.07 %"),
             FigureChange("y", "mass", 14.0, 13.79, 0.21, "kg", False, "at its <bound>"),
@@ -123,9 +105,8 @@ def test_the_page_is_complete_and_loads_nothing(examined, explained):
 
 
 def test_changed_and_kept_figures_are_told(examined, explained):
-    table = re.search(
-        r"<h2>Plant figures</h2>(.*?)</section>", render_gap_page(explained, examined, "m"), re.S
-    )[1]
+    page = render_gap_page(explained, examined, "m")
+    table = re.search(r"<h2>Plant figures</h2>(.*?)</section>", page, re.S)[1]
     changed, kept = re.findall(r"<li.*?</li>", table)
     for text in ("600000 → 601000 ± 430 N/m", "known to 0.07 %"):
         assert text in changed
@@ -196,16 +177,11 @@ def test_every_verdict_has_a_headline():
 
 
 def test_similarity_of_signatures_is_drawn(examined, explained):
-    signatures = {
-        "cogging": np.array([1.0, 0.0]),
-        "stribeck": np.array([3.0, 4.0]),
-        "none": np.zeros(2),
-    }
-    alike = signature_similarity(signatures, ["cogging", "stribeck", "none", "unknown"])
+    of = {"cogging": np.array([1.0, 0.0]), "stribeck": np.array([3.0, 4.0]), "none": np.zeros(2)}
+    alike = signature_similarity(of, ["cogging", "stribeck", "none", "unknown"])
     assert alike == {("cogging", "stribeck"): pytest.approx(0.6)}
-    page = render_gap_page(
-        replace(explained, confusable=()), examined, "m", similarity={"x": alike}
-    )
+    sure = replace(explained, confusable=())
+    page = render_gap_page(sure, examined, "m", similarity={"x": alike})
     assert Page(page).stack == []
     assert "0.60" in page
     assert "All effects that fit can be distinguished" in page

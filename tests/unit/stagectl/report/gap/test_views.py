@@ -1,26 +1,18 @@
 """The pictures of what a model leaves, and the sentences where there is nothing to draw."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from markupsafe import escape
 
-from sim2real.gap import compare_with_model
 from sim2real.residuals import view_residuals
-from stagectl.config import load_machine, stage_settings
 from stagectl.report.gap import views
 from stagectl.report.gap.views import draw_view
-from stagectl.store import read_recording
-
-DATA = Path(__file__).parents[4] / "data"
 
 
 @pytest.fixture(scope="module")
-def seen():
-    settings = stage_settings(load_machine())
-    measured = compare_with_model(read_recording(DATA / "null-2.h5"), settings, draws=1)
+def seen(measured, settings):
     return view_residuals([measured], [measured.floor.nominal], settings)["x"]
 
 

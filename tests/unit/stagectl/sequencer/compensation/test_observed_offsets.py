@@ -19,7 +19,7 @@ class Channel:
     arrival: int = 100_000
 
 
-def test_each_axis_gets_what_its_own_sample_says() -> None:
+def test_each_axis_gets_what_its_own_sample_says():
     machine = load_machine()
     observer = make_observer(machine, design_observers(machine), [120.0, 200.0])
     observed = ObservedOffsets(observer)
@@ -35,7 +35,7 @@ def test_each_axis_gets_what_its_own_sample_says() -> None:
     assert sent[1] > 2  # pushed back: the offset has to push forward
 
 
-def test_an_axis_whose_drive_has_no_offset_is_left_alone() -> None:
+def test_an_axis_whose_drive_has_no_offset_is_left_alone():
     machine = load_machine()
     observer = make_observer(machine, design_observers(machine), [None, 200.0])
     assert observer.is_on == (False, True)

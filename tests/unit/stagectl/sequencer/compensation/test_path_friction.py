@@ -1,7 +1,5 @@
 """What differs along a move: asked of the places, handed to the axes, and reported back."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +7,12 @@ import pytest
 
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
-from stagectl.config import load_machine, parse_machine
+from stagectl.config import load_machine
 from stagectl.sequencer import Mode, make_compensation
 from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Expectation
+from tests.unit.stagectl.machines import with_effects
 
 TS = 1e-3
 LIMITS = Limits(0.5, 3.0, 200.0)
@@ -52,10 +51,7 @@ def axes():
 
 @pytest.fixture
 def known_axes():
-    text = load_machine().text.replace(
-        "    node: 1\n", f"    node: 1\n    effects:\n      - {{{MAGNETS}}}\n", 1
-    )
-    return make_compensation(parse_machine(text, "cogging"), Mode.ESTIMATED)
+    return make_compensation(with_effects(MAGNETS), Mode.ESTIMATED)
 
 
 def records(path, force=6.0):

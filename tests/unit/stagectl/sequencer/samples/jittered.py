@@ -1,7 +1,5 @@
 """A simulated motion sampled at SYNCs off their places."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples whose force is left out of learning after late or lost setpoints."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers

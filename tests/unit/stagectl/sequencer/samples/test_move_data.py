@@ -1,7 +1,5 @@
 """One record per axis from the samples of a move, on an even grid, whatever came late."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -42,19 +40,13 @@ def test_skipped_periods_are_gaps_that_the_path_bridges():
 
 def test_every_axis_has_a_record_of_its_own():
     one = jittered(0.0)
-    both = replace(
-        one,
-        **{
-            f.name: np.column_stack([getattr(one, f.name)] * 2)
-            for f in fields(one)
-            if getattr(one, f.name).ndim == 2
-        },
-    )
+    of_each = {f.name: getattr(one, f.name) for f in fields(one) if getattr(one, f.name).ndim == 2}
+    both = replace(one, **{name: np.column_stack([of] * 2) for name, of in of_each.items()})
     both.valid[5, 1] = False
     records, path = prepare_move_data(both, np.array([1.0, 2.0]), [8.0, 14.0], TS)
     assert [r.rest_force for r in records] == [1.0, 2.0]
+    assert [r.valid[5] for r in records] == [True, False]
     assert records[0].valid.all()
-    assert not records[1].valid[5]
     assert path.shape == (COUNT, 2)
 
 

@@ -1,7 +1,5 @@
 """Samples of SYNCs that were not where they belong: brought back, or left out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
