@@ -1,5 +1,6 @@
 """Whole runs on the virtual stage, and data of another program."""
 
+import shutil
 import sys
 
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 from hil_sim.bus import faults as f
 from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
+from stagectl.history import open_history
 from stagectl.importing import load_map
 from stagectl.recipe import parse_recipe
 from stagectl.run import HostSettings, Listener, SimulatedStage, execute
 from tests.unit.stagectl.logged_data import EXAMPLE
+from tests.unit.stagectl.run.replay.logged import run as run_logged
 from tests.unit.stagectl.run.whole import SITES, request_for
 
 
@@ -34,6 +37,14 @@ def columns():
 def machine():
     """The packaged machine."""
     return load_machine()
+
+
+@pytest.fixture
+def history(tmp_path):
+    """An empty one, open for writing."""
+    opened = open_history(str(tmp_path / "stage.db"), write=True)
+    yield opened
+    opened.close()
 
 
 @pytest.fixture
@@ -62,20 +73,29 @@ def sites(machine):
     return parse_recipe(SITES, "short.yaml", machine)
 
 
+@pytest.fixture(scope="session")
+def whole_run(machine, tmp_path_factory):
+    """The folder of a run without faults."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    assert run_logged(machine, folder).summary["outcome"] == "completed"
+    return folder
+
+
+@pytest.fixture
+def logged(whole_run, tmp_path):
+    """A copy of it, whose bus log is replayed, to be changed."""
+    return shutil.copytree(whole_run, tmp_path / "run")
+
+
 @pytest.fixture
 def go(machine, tmp_path):
     """Run a recipe on the virtual stage."""
 
     def run(recipe, folder, *, faults=(), listener=None, scale=1.0, measurement=None, **options):
         plan = f.FaultPlan(tuple(faults), 1) if faults else None
-        request = request_for(
-            machine,
-            tmp_path / folder,
-            recipe=recipe,
-            simulated=SimulatedStage(machine, faults=plan),
-            host=HostSettings(friction_scale=scale, measurement=measurement),
-            **options,
-        )
+        options["simulated"] = SimulatedStage(machine, faults=plan)
+        options["host"] = HostSettings(friction_scale=scale, measurement=measurement)
+        request = request_for(machine, tmp_path / folder, recipe=recipe, **options)
         return execute(request, listener or Listener())
 
     return run

@@ -3,8 +3,6 @@
 import pytest
 
 from stagectl.calibration import SiteSequence
-from stagectl.config.machine.file import load_machine
-from stagectl.history import open_history
 from stagectl.recipe import Excursion, Profile
 
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
@@ -15,18 +13,6 @@ RECIPE = (
     "settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}\nexpose: 0\n"
     "sites: [{}]\nfiducial: {{source: none}}\n"
 )
-
-
-@pytest.fixture
-def history(tmp_path):
-    opened = open_history(str(tmp_path / "stage.db"), write=True)
-    yield opened
-    opened.close()
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine()
 
 
 @pytest.fixture

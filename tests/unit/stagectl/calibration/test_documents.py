@@ -1,53 +1,37 @@
 """What a calibration's recording says of it, and of the calibrations that it continued."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
 import pytest
 
 from stagectl.calibration.documents import read_calibration
 from stagectl.config import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.store import (
-    FILE_NAME,
-    RECORDING_NAME,
-    AxisScaling,
-    Journal,
-    JournalHeader,
-    recover_journal,
-)
+from stagectl.store import RECORDING_NAME, Journal, recover_journal
+from tests.unit.stagectl.store.journals import HEADER, sample
 
 SITES = [[0.0, 0.0], [0.02, 0.0], [0.0, 0.0]]
 
 
-def friction(site: int, coulomb: float) -> dict[str, Any]:
+def friction(site, coulomb):
     return {
         "site": site, "axis": "x", "accepted": True, "reason": None,
         "parameters": {"coulomb": [coulomb, 0.05]},
     }  # fmt: skip
 
 
-def record(folder: Path, run: dict[str, Any], *estimates: dict[str, Any]) -> Path:
+def record(folder, run, *estimates):
     """The recording of a killed run with these notes."""
     folder.mkdir()
-    header = JournalHeader(
-        load_machine().text, "", "2026-11-22T08:00:00+00:00",
-        (AxisScaling("x", 1e-9, 0.04), AxisScaling("y", 1e-9, 0.06)),
-    )  # fmt: skip
-    journal = Journal(folder, header)
-    journal.event("run", **run)
-    for estimate in estimates:
-        journal.event("friction", **estimate)
-    for k in range(2):
-        journal.sink((k * 1_000_000, 0, 0, -1, *(0, 0, 0, 0, 0x1237, 1, 200_000, 0) * 2))
-    journal.close()
-    recover_journal(folder / FILE_NAME)
-    return folder / RECORDING_NAME
+    with Journal(folder, replace(HEADER, machine=load_machine().text)) as journal:
+        journal.event("run", **run)
+        for estimate in estimates:
+            journal.event("friction", **estimate)
+        journal.sink(sample(0))
+    return recover_journal(journal.path).path
 
 
-def test_sites_and_estimates_are_those_of_its_notes(tmp_path: Path) -> None:
+def test_sites_and_estimates_are_those_of_its_notes(tmp_path):
     path = record(tmp_path / "a", {"sites": SITES, "resumed": None}, friction(1, 6.0))
     found = read_calibration(path)
     assert found.sites == ((0.0, 0.0), (0.02, 0.0), (0.0, 0.0))
@@ -56,7 +40,7 @@ def test_sites_and_estimates_are_those_of_its_notes(tmp_path: Path) -> None:
     assert entry["parameters"] == {"coulomb": {"value": 6.0, "sigma": 0.05}}
 
 
-def test_estimates_of_those_that_it_continued_come_first(tmp_path: Path) -> None:
+def test_estimates_of_those_that_it_continued_come_first(tmp_path):
     first, second, third = (tmp_path / name for name in "abc")
     record(first, {"sites": SITES, "resumed": None}, friction(1, 6.0))
     record(second, {"sites": SITES, "resumed": {"run": str(first)}}, friction(2, 6.1))
@@ -67,13 +51,13 @@ def test_estimates_of_those_that_it_continued_come_first(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("run", [{"sites": None, "resumed": None}, {"resumed": None}])
-def test_a_production_run_is_no_calibration(tmp_path: Path, run: dict[str, Any]) -> None:
+def test_a_production_run_is_no_calibration(tmp_path, run):
     path = record(tmp_path / "a", run)
     with pytest.raises(UnusableInput, match="not a calibration, or one of an older version"):
         read_calibration(path)
 
 
-def test_damaged_notes_are_one_line(tmp_path: Path) -> None:
+def test_damaged_notes_are_one_line(tmp_path):
     path = record(tmp_path / "a", {"sites": [[0.0]], "resumed": None})
     with pytest.raises(UnusableInput, match=r"recording\.h5: /events: damaged \(ValueError"):
         read_calibration(path)

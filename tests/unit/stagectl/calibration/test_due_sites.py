@@ -6,30 +6,22 @@ from stagectl.calibration import DueSection, due_sites, insert_sites
 from stagectl.calibration.due_sites import DueSite
 from stagectl.calibration.sites import DAY
 from stagectl.config.machine.file import load_machine
-from stagectl.history import EstimateRecord, RunEntry, StepRecord, Wear
+from stagectl.history import StepRecord, Wear
 from stagectl.maps import load_active
 from stagectl.recipe import MoveStep, parse_recipe
 from stagectl.recipe.plan import plan
 from tests.unit.stagectl.calibration.conftest import RECIPE, SITES
 from tests.unit.stagectl.calls import count_calls
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, activated, file, level
+from tests.unit.stagectl.maps.conftest import GRID, activated, file, level
+from tests.unit.stagectl.rows import BEGIN, STAGE, estimate_record, run_entry
 
 DUE = DueSection(days=10, moves=100, distance=5.0)
 
 
 def estimates(history, purpose, time, places, distance=0.01):
-    number = history.start_run(
-        RunEntry(STAGE, ("x", "y"), time, "r", None, None, "s", "f", purpose)
-    )
-    history.add(
-        [
-            EstimateRecord(
-                number, "x", "other", 1, place, time, distance, True, None, {"coulomb": 6.0},
-                (0.01,), 1.0, (6.0, 0.02),
-            )
-            for place in places
-        ]
-    )  # fmt: skip
+    number = history.start_run(run_entry(started=time, purpose=purpose))
+    shown = {"kind": "other", "time": time, "distance": distance, "measured": (6.0, 0.02)}
+    history.add([estimate_record(number, place=place, **shown) for place in places])
     return number
 
 
@@ -52,14 +44,11 @@ def test_work_grows_with_the_sites_and_not_with_their_square():
 
 
 def test_age_moves_distance_and_steps_make_a_site_due(history):
-    limits, now = DUE, 1.7e9
-    axes = ("x", "y")
+    now = 1.7e9
 
     def due(at):
-        return {
-            d.place: d.reasons
-            for d in due_sites(SITES, limits, history, STAGE, axes, at, None)
-        }  # fmt: skip
+        found = due_sites(SITES, DUE, history, STAGE, ("x", "y"), at, None)
+        return {d.place: d.reasons for d in found}
 
     assert set(due(now)) == set(SITES)  # never calibrated
     estimates(history, "calibration", now, SITES[:3])

@@ -1,34 +1,22 @@
 """A calibration as a program makes it: stopped by the operator, and gone on with."""
 
-from datetime import UTC, datetime
-
 from stagectl.calibration import calibrate, calibration_as_json, load_calibration
 from stagectl.calibration.execution import resume_calibration
-from stagectl.run import HostSettings, Listener, Remarks, RunRequest, SimulatedStage
+from stagectl.run import HostSettings, Remarks
 from stagectl.sequencer import SegmentDone
 from tests.unit.stagectl.calibration.conftest import FILE
+from tests.unit.stagectl.run.whole import request_for, stopping_at
 
 
 def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_path):
     (tmp_path / "sites.yaml").write_text(FILE)
     calibration = load_calibration(tmp_path / "sites.yaml", machine)
-    stops = []
-
-    def event(happened):
-        if isinstance(happened, SegmentDone) and happened.number == 1:
-            stops[0]("stopped by the operator")
-
-    request = RunRequest(
-        calibration.at(calibration.recipe.sites),
-        machine,
-        tmp_path / "run",
-        datetime.now(UTC),
-        simulated=SimulatedStage(machine),
-        host=HostSettings(observer=False),
-        remarks=Remarks(operator="Ada"),
+    request = request_for(
+        machine, tmp_path / "run", recipe=calibration.at(calibration.recipe.sites),
+        host=HostSettings(observer=False), remarks=Remarks(operator="Ada"),
         history=str(tmp_path / "stage.db"),
-    )
-    result = calibrate(request, calibration, [], Listener(event=event, stoppable=stops.append))
+    )  # fmt: skip
+    result = calibrate(request, calibration, [], stopping_at(SegmentDone, 1))
     assert "stopped by the operator" in str(result.error)
     assert f"--resume {tmp_path / 'run'}" in result.command
     report = result.report

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,9 @@ from stagectl.config import parse_machine, stage_settings
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import load_recipe
-from stagectl.run import Listener, RunRequest, SimulatedStage, execute
-from stagectl.store import read_recording, write_recording
+from stagectl.run import Listener, execute
+from stagectl.store import RecordingBlocks, read_recording, write_recording
+from tests.unit.stagectl.run.whole import request_for
 
 DATA = Path(__file__).parents[3] / "data"
 RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
@@ -28,18 +28,8 @@ RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 
 @pytest.fixture(scope="module")
 def recording():
-    """The reference stage, recorded by an independent program; its first five seconds."""
-    whole = read_recording(DATA / "null-3.h5")
-    count = 5000
-    axes = {
-        name: replace(
-            a, position_demand=a.position_demand[:count], force_offset=a.force_offset[:count],
-            position_actual=a.position_actual[:count], force_actual=a.force_actual[:count],
-            statusword=None, valid=a.valid[:count],
-        )
-        for name, a in whole.axes.items()
-    }  # fmt: skip
-    return replace(whole, time=whole.time[:count], axes=axes, moves=())
+    """The reference stage, recorded by an independent program; its first seconds."""
+    return replace(next(iter(RecordingBlocks(DATA / "null-3.h5", 6000))), moves=())
 
 
 @pytest.fixture(scope="module")
@@ -97,10 +87,7 @@ def test_the_reference_stage_is_the_machine_file(answer):
 def test_a_stage_that_follows_well_does_not_tell_its_mass_from_the_ripple(tmp_path):
     """There the encoder's noise is all that does: the mass was 7 % off by many of its sigmas."""
     machine = load_machine(None)
-    recipe = load_recipe(RECIPE, machine)
-    request = RunRequest(
-        recipe, machine, tmp_path, datetime.now(UTC), simulated=SimulatedStage(machine)
-    )
+    request = request_for(machine, tmp_path, recipe=load_recipe(RECIPE, machine))
     assert execute(request, Listener()).error is None
     mass = identify_axis([read_recording(tmp_path / "recording.h5")], machine, "x")["mass"]
     assert mass.value == pytest.approx(8.0, abs=2.0 * mass.sigma)
@@ -128,10 +115,9 @@ def test_other_periods_and_axes_are_refused(recording):
 
 
 def test_command_names_what_it_cannot_use():
+    arguments = [str(DATA / "null-2.h5"), "--axis", "z"]
     with pytest.raises(UnusableInput, match="no axis 'z', it has x, y"):
-        CliRunner().invoke(
-            command, [str(DATA / "null-2.h5"), "--axis", "z"], catch_exceptions=False
-        )
+        CliRunner().invoke(command, arguments, catch_exceptions=False)
 
 
 @pytest.mark.slow
@@ -143,11 +129,8 @@ def test_mass_and_lag_are_found_within_their_sigma():
     machine = load_machine(None)
     stage = stage_settings(machine)
     axis = stage.axes[0]
-    truth = replace(
-        axis,
-        mass=1.07 * axis.mass,
-        friction=replace(axis.friction, coulomb=7.5, stiffness=4.5e5),
-    )
+    friction = replace(axis.friction, coulomb=7.5, stiffness=4.5e5)
+    truth = replace(axis, mass=1.07 * axis.mass, friction=friction)
     generator = np.random.default_rng(5)
     demand, offset, at = [np.zeros(100)], [np.zeros(100)], 0.0
     for number in range(18):

@@ -15,31 +15,20 @@ from tests.unit.stagectl.calls import count_calls
 
 def test_change_and_refusals_decide_what_to_do_at_a_site():
     def entry(site, accepted, reason=None):
-        figure = {"coulomb": {"value": 6.0, "sigma": 0.06, "unit": "N"}}
-        return {
-            "site": site, "axis": "x", "accepted": accepted, "reason": reason,
-            "parameters": figure,
-        }  # fmt: skip
+        of = {"coulomb": {"value": 6.0, "sigma": 0.06, "unit": "N"}}
+        told = {"accepted": accepted, "reason": reason, "parameters": of}
+        return {"site": site, "axis": "x", **told}
 
-    changes = [
-        AxisChange(
-            "x", 0.0, 0.1,
-            (
-                SiteChange(SITES[0], 0.2, 0.01), SiteChange(SITES[1], 0.05, 0.01),
-                SiteChange(SITES[2], 0.05, 0.04),
-            ),
-        )
-    ]  # fmt: skip
+    sizes = zip(SITES, (0.2, 0.05, 0.05), (0.01, 0.01, 0.04), strict=False)
+    changes = [AxisChange("x", 0.0, 0.1, tuple(SiteChange(*size) for size in sizes))]
     friction = [entry(i, True) for i in (1, 2, 3)] + [entry(4, False, "residual 9 times")]
     found = site_outcomes([*SITES, SITES[0]], friction, ("x",), None, changes)
     assert [o.severity for o in found] == ["act", "watch", "good", "failed"]
     assert "dirt" in found[0].suggestion
     assert "residual 9 times" in found[3].suggestion
     assert found[0].gains["coulomb"].bits == pytest.approx(math.log2(0.3 / 0.01))
-    figures = {
-        name: {"value": 1.0, "sigma": sigma} for name, sigma in
-        (("coulomb", 0.03), ("viscous", 0.05), ("stiffness", 0.01), ("attraction", 0.05))
-    }  # fmt: skip
+    sigmas = {"coulomb": 0.03, "viscous": 0.05, "stiffness": 0.01, "attraction": 0.05}
+    figures = {name: {"value": 1.0, "sigma": sigma} for name, sigma in sigmas.items()}
     rows = site_outcomes(SITES[:1], [{**entry(1, True), "parameters": figures}], ("x",), None, [])
     # What is predicted is reached of: C/Fc instead of C, whose variance has that of Fc in it.
     assert set(rows[0].gains) == set(START)
@@ -62,9 +51,8 @@ def test_work_grows_with_the_sites_and_not_with_their_square():
     def work(count):
         places = [(0.002 * i, 0.0) for i in range(count)]
         changes = [AxisChange("x", 0.0, 0.1, tuple(SiteChange(p, 0.2, 0.01) for p in places))]
-        friction = [
-            {"site": i, "axis": "x", "accepted": False, "reason": "r"} for i in range(1, count + 1)
-        ]
+        refused = {"axis": "x", "accepted": False, "reason": "r"}
+        friction = [{"site": i, **refused} for i in range(1, count + 1)]
         return count_calls(lambda: site_outcomes(places, friction, ("x",), None, changes))
 
     assert work(200) < 2.5 * work(100)

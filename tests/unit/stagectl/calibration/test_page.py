@@ -1,12 +1,10 @@
 """What a calibration says, and its page."""
 
-import io
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from estimation.field import FrictionField
 from stagectl.calibration.outcome import SiteOutcome
@@ -22,24 +20,21 @@ from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChan
 from stagectl.maps.model import MapAxis
 from stagectl.report import print_sections
 from tests.unit.stagectl.calibration.conftest import SITES
+from tests.unit.stagectl.printed import printed
 
 
 def version(number, level):
-    values = np.array([level, 1.1 * level, level, 0.95 * level])
+    values = level * np.array([1.0, 1.1, 1.0, 0.95])
     field = FrictionField(np.array(SITES), values, np.full(4, 0.01))
-    sites = tuple(
-        MapSite(place, float(value), 0.01, 1.7e9, 4)
-        for place, value in zip(SITES, values, strict=True)
-    )
+    of = zip(SITES, values.tolist(), strict=True)
+    sites = tuple(MapSite(place, value, 0.01, 1.7e9, 4) for place, value in of)
     built = FrictionMap(None, 1.7e9, {"x": MapAxis(sites, field.nodes, {})})
     return MapVersion(number, 1.7e9, "", False, built)
 
 
 def outcome(site, severity, change=None, suggestion=""):
-    gain = {"coulomb": Gain(0.3, 0.01)}
-    return SiteOutcome(
-        site, SITES[site - 1], "x", 6.1, 0.012, change, gain, (), severity, suggestion
-    )
+    known = ("x", 6.1, 0.012, change, {"coulomb": Gain(0.3, 0.01)}, ())
+    return SiteOutcome(site, SITES[site - 1], *known, severity, suggestion)
 
 
 @pytest.fixture
@@ -102,14 +97,10 @@ def test_an_interrupted_first_calibration_says_so(report, tmp_path):
 
 @pytest.mark.parametrize("severity", ["good", "watch", "act", "failed"])
 def test_the_table_fits_80_columns(report, severity):
-    wide = replace(
-        outcome(3, severity), site=121, place=(-0.15, -0.15), coulomb=12.021, sigma=0.105,
-        change=-0.123,
-    )  # fmt: skip
+    figures = {"coulomb": 12.021, "sigma": 0.105, "change": -0.123}
+    wide = replace(outcome(3, severity), site=121, place=(-0.15, -0.15), **figures)
     sections = calibration_outline(replace(report, outcomes=[wide])).sections
-    console = Console(width=80, record=True, file=io.StringIO())
-    console.print(print_sections([sections["sites"]]))
-    text = console.export_text()
+    text = printed(print_sections([sections["sites"]]), 80)
     assert "…" not in text
     (row,) = [line for line in text.splitlines() if line.split()[:1] == ["121"]]
     assert row.split()[-1] == severity

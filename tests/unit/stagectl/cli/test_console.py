@@ -1,11 +1,8 @@
 """What is printed is printed as it is; progress of several phases on one bar."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
-import pytest
 from click.testing import CliRunner
 from rich.table import Table
 
@@ -15,8 +12,8 @@ from stagectl.cli.console import join_phases, make_console, progress_bar
 from stagectl.cli.options import DATA
 
 
-def test_phases_share_one_bar_that_never_goes_back() -> None:
-    bar: list[tuple[str, int, int]] = []
+def test_phases_share_one_bar_that_never_goes_back():
+    bar = []
     advance = join_phases(("first", "second"), lambda *state: bar.append(state))
     for what, done, total in (
         ("first", 0, 4), ("first", 2, 4), ("second", 1, 2), ("first", 4, 4), ("second", 2, 2),
@@ -32,7 +29,7 @@ def test_phases_share_one_bar_that_never_goes_back() -> None:
 HOSTILE = "[/b] [red]red[/red] :warning:"
 
 
-def test_a_console_prints_names_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_console_prints_names_as_they_are(capsys):
     table = Table(title=HOSTILE)
     table.add_column("[bold]name")
     table.add_row(HOSTILE)
@@ -43,7 +40,7 @@ def test_a_console_prints_names_as_they_are(capsys: pytest.CaptureFixture[str]) 
     assert "[bold]name" in said
 
 
-def test_what_is_being_done_is_no_markup_either(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_being_done_is_no_markup_either(monkeypatch):
     for name, value in (("FORCE_COLOR", "1"), ("TERM", "xterm"), ("COLUMNS", "160")):
         monkeypatch.setenv(name, value)  # a bar is drawn on terminals only
     console = make_console()
@@ -52,7 +49,7 @@ def test_what_is_being_done_is_no_markup_either(monkeypatch: pytest.MonkeyPatch)
     assert "[/b]" in shown.get()
 
 
-def test_there_is_no_other_way_to_make_a_console() -> None:
+def test_there_is_no_other_way_to_make_a_console():
     made = [
         path.name
         for path in Path(stagectl.__file__).parent.rglob("*.py")
@@ -61,7 +58,7 @@ def test_there_is_no_other_way_to_make_a_console() -> None:
     assert made == ["console.py"]
 
 
-def test_a_machine_may_have_any_name(tmp_path: Path) -> None:
+def test_a_machine_may_have_any_name(tmp_path):
     machine = tmp_path / "machine.yaml"
     text = (DATA / "machines/wafer-xy.yaml").read_text()
     machine.write_text(re.sub(r"(?m)^machine: .*$", f"machine: '{HOSTILE}'", text))

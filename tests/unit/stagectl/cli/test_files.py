@@ -1,10 +1,7 @@
 """Every command: an output is no input, and replaces a file of another kind only when asked."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
@@ -18,9 +15,9 @@ from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import DATA, Recording
 
 
-def commands() -> Iterator[tuple[tuple[str, ...], click.Command]]:
+def commands():
     """All commands, with the words that call them."""
-    pending: list[tuple[tuple[str, ...], LazyGroup]] = [((), cli)]
+    pending = [((), cli)]
     while pending:
         words, group = pending.pop()
         context = click.Context(group)
@@ -36,7 +33,7 @@ VALUES = {"integer": "1", "integer range": "1", "OBJECT": "0x1000"}
 """Of parameters that name no file, by their type; a folder with a run for all others."""
 
 
-def call(words: tuple[str, ...], command: click.Command, given: dict[str, str]) -> tuple[int, str]:
+def call(words, command, given):
     """Exit code and error of a command; what else it requires gets a value, too."""
     options, arguments = [], []
     for param in command.params:
@@ -52,7 +49,7 @@ def call(words: tuple[str, ...], command: click.Command, given: dict[str, str]) 
     return done.exit_code, " ".join((done.output + done.stderr).split())
 
 
-def test_every_parameter_that_names_a_file_says_what_it_is_for() -> None:
+def test_every_parameter_that_names_a_file_says_what_it_is_for():
     for words, command in commands():
         for param in command.params:
             named = isinstance(param.type, click.Path | click.File) or any(
@@ -61,17 +58,27 @@ def test_every_parameter_that_names_a_file_says_what_it_is_for() -> None:
             assert not named or isinstance(param.type, NamesFile), (words, param.name)
 
 
-def test_no_two_parameters_of_a_command_have_one_name() -> None:
+def test_no_two_parameters_of_a_command_have_one_name():
     for words, command in commands():
         names = [param.name for param in command.params]
         assert len(set(names)) == len(names), words
 
 
-def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> None:
-    """Under the same name, through a link, and through a second name of the same file."""
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """The working directory, with the folder of another run."""
     monkeypatch.chdir(tmp_path)
     Path("else").mkdir()
     Path("else/recording.h5").touch()
+
+
+def is_refused(words, command, given, why="an output must be"):
+    code, said = call(words, command, given)
+    assert (code, why in said) == (2, True), (words, given, said)
+
+
+def test_no_command_writes_over_what_it_reads(here):
+    """Under the same name, through a link, and through a second name of the same file."""
     Path("file").write_text("precious")
     Path("link").symlink_to("file")
     os.link("file", "second")
@@ -83,33 +90,22 @@ def test_no_command_writes_over_what_it_reads(tmp_path: Path, monkeypatch) -> No
                 if other is out or not isinstance(other.type, Input | HistoryFile | Output):
                     continue
                 for name in ("file", "link", "second"):
-                    pair = {str(other.name): "file", str(out.name): name}
-                    code, said = call(words, command, pair)
-                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+                    is_refused(words, command, {other.name: "file", out.name: name})
                     tried += 1
     assert tried > 100
     assert Path("file").read_text() == "precious"
 
 
-def test_no_command_replaces_a_file_of_another_kind(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("else").mkdir()
-    Path("else/recording.h5").touch()
+def test_no_command_replaces_a_file_of_another_kind(here):
     Path("notes.csv").write_text("Remember: the key is under the mat\n")
     for words, command in commands():
         for out in command.params:
             if isinstance(out.type, Output) and out.type.kind is not ANY:
-                code, said = call(words, command, {str(out.name): "notes.csv"})
-                assert (code, "with --overwrite" in said) == (2, True), (words, out.name, said)
+                is_refused(words, command, {out.name: "notes.csv"}, "with --overwrite")
     assert "mat" in Path("notes.csv").read_text()
 
 
-def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
-    tmp_path: Path, monkeypatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("else").mkdir()
-    Path("else/recording.h5").touch()
+def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(here):
     Path("file").mkdir()
     Path("file/summary.json").write_text("{}")
     Path("file/recording.h5").touch()
@@ -119,26 +115,22 @@ def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(
             for other in command.params:
                 folder = isinstance(other.type, InputFolder | OutputFolder | Recording)
                 if folder and isinstance(out.type, Output):
-                    pair = {str(other.name): "file", str(out.name): "file/summary.json"}
-                    code, said = call(words, command, pair)
-                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+                    pair = {other.name: "file", out.name: "file/summary.json"}
+                    is_refused(words, command, pair)
                     tried.append(words[-1])
                 elif folder and isinstance(out.type, OutputFolder) and other is not out:
-                    pair = {str(other.name): "file", str(out.name): "file"}
-                    code, said = call(words, command, pair)
-                    assert (code, "an output must be" in said) == (2, True), (words, pair, said)
+                    is_refused(words, command, {other.name: "file", out.name: "file"})
     assert {"run", "calibrate", "list", "replay", "measure", "identify"} <= set(tried)
 
 
-def test_a_history_made_by_the_command_itself_is_not_replaced(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_history_made_by_the_command_itself_is_not_replaced(here):
     sqlite3.connect("stage.db").executescript("create table t (x)").close()
     before = Path("stage.db").read_bytes()
     done = CliRunner().invoke(cli, ["bus-budget", "--json", "stage.db"])
     assert (done.exit_code, Path("stage.db").read_bytes()) == (2, before)
 
 
-def test_when_asked_any_file_is_replaced(tmp_path: Path) -> None:
+def test_when_asked_any_file_is_replaced(tmp_path):
     path = tmp_path / "notes"
     path.write_text("mine")
     done = CliRunner().invoke(cli, ["bus-budget", "--json", str(path), "--overwrite"])
@@ -157,7 +149,7 @@ def test_when_asked_any_file_is_replaced(tmp_path: Path) -> None:
         (PAGE, "# Title\n\n<!-- Made by `stagectl paper --out docs/paper.md`. -->", "# Title\n"),
     ],
 )  # fmt: skip
-def test_a_file_of_the_same_kind_is_replaced(tmp_path: Path, kind, text, other) -> None:
+def test_a_file_of_the_same_kind_is_replaced(tmp_path, kind, text, other):
     path = tmp_path / "file"
     assert kind.is_at(path)
     path.write_text("")

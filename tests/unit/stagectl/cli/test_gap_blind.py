@@ -1,7 +1,5 @@
 """`gap blind` continues from its lines; unusable input is one line."""
 
-from __future__ import annotations
-
 import json
 
 from click.testing import CliRunner
@@ -26,7 +24,7 @@ LINE = {
 }  # fmt: skip
 
 
-def run(*arguments: object) -> tuple[int, str]:
+def run(*arguments):
     done = CliRunner().invoke(blind, [str(a) for a in arguments])
     if isinstance(done.exception, StagectlError):
         return done.exception.exit_code, str(done.exception)
@@ -34,7 +32,7 @@ def run(*arguments: object) -> tuple[int, str]:
     return 0, done.output
 
 
-def test_trials_already_in_the_lines_are_not_repeated(tmp_path) -> None:
+def test_trials_already_in_the_lines_are_not_repeated(tmp_path):
     lines, figures, docs = (tmp_path / name for name in ("t.jsonl", "t.json", "blind.md"))
     lines.write_text(json.dumps(LINE) + "\n" + json.dumps({**LINE, "seed": 4}) + "\n")
     common = ("--trials", 1, "--seed", 3, "--label", "v", "--lines", lines)
@@ -47,7 +45,7 @@ def test_trials_already_in_the_lines_are_not_repeated(tmp_path) -> None:
     assert "seeds: 3, 4; trials: 2" in docs.read_text()
 
 
-def test_unusable_input_is_one_line(tmp_path) -> None:
+def test_unusable_input_is_one_line(tmp_path):
     lines = tmp_path / "t.jsonl"
     lines.write_text(json.dumps(LINE) + "\n[1]\n")
     assert run("--lines", lines) == (2, f"{lines}:2: is not a blind trial")

@@ -16,25 +16,18 @@ from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
 from stagectl.measurement import Measurement, measure_virtual_stage
+from stagectl.store import RecordingBlocks, write_recording
 from tests.unit.sim2real.other_machines import TOOL
 
 DATA = Path(__file__).parents[3] / "data"
-KEPT = 1200
+KEPT = 1108
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """The first 1.2 s of a recording."""
+    """The first KEPT samples of a recording, which are four moves."""
     path = tmp_path_factory.mktemp("gap") / "small.h5"
-    with h5py.File(DATA / "null-2.h5") as whole, h5py.File(path, "w") as cut:
-        for name, value in whole.attrs.items():
-            cut.attrs[name] = value
-        cut["time"] = whole["time"][:KEPT]
-        for axis in whole["axes"]:
-            for channel, dataset in whole["axes"][axis].items():
-                cut[f"axes/{axis}/{channel}"] = dataset[:KEPT]
-        moves = whole["moves"][()]
-        cut["moves"] = moves[moves["end"] <= KEPT]
+    write_recording(next(iter(RecordingBlocks(DATA / "null-2.h5", 1250))), path)
     return path
 
 
@@ -62,33 +55,26 @@ def replaced(file, name, values):
     file[name] = values
 
 
-def test_the_recording_itself_is_fine(small):
-    report, _ = run(small)
-    assert report["verdict"] == "no_gap"
-
-
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
         (lambda f: f.__delitem__("axes/x/force_actual"), "/axes/x/force_actual: missing"),
         (lambda f: f.__delitem__("axes/y"), "the model has axes x, y, the recording x"),
-        (lambda f: replaced(f, "axes/x/position_actual", np.zeros(7)), "7 samples"),
-        (lambda f: replaced(f, "axes/x/force_actual", np.full(KEPT, np.nan)), "sample 0: is nan"),
-        (lambda f: replaced(f, "axes/x/force_actual", np.zeros(KEPT, "S3")), "wrong kind"),
-        (lambda f: replaced(f, "axes/x/force_actual", np.zeros((KEPT, 2))), "one dimension"),
-        (lambda f: replaced(f, "time", np.zeros(KEPT)), "not later"),
         (lambda f: replaced(f, "time", np.arange(KEPT) * 1.4e-3), "0.0014 s apart"),
-        (lambda f: f.attrs.__setitem__("version", 2), "newer"),
         (lambda f: f.attrs.__setitem__("machine", "machine: 3"), "machine"),
         (lambda f: f.attrs.__delitem__("machine"), "attribute machine: missing"),
     ],
 )
 def test_unusable_recordings_are_one_line(small, tmp_path, spoil, words):
-    path = spoilt(small, tmp_path, spoil)
-    report, line = run(path)
+    report, line = run(spoilt(small, tmp_path, spoil))
     assert report is None
     assert words in line
     assert "spoilt.h5" in line
+
+
+def without_motion(file):
+    for axis in "xy":
+        replaced(file, f"axes/{axis}/position_demand", np.zeros(KEPT))
 
 
 @pytest.mark.parametrize(
@@ -96,10 +82,7 @@ def test_unusable_recordings_are_one_line(small, tmp_path, spoil, words):
     [
         (lambda f: replaced(f, "time", np.arange(KEPT) * 0.1), "10 Hz"),
         (lambda f: replaced(f, "axes/x/valid", np.zeros(KEPT, "u1")), "0 % of the samples"),
-        (
-            lambda f: [replaced(f, f"axes/{a}/position_demand", np.zeros(KEPT)) for a in "xy"],
-            "no motion",
-        ),
+        (without_motion, "no motion"),
     ],
 )
 def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, words):
@@ -110,19 +93,16 @@ def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, 
 
 
 def test_a_recording_that_cannot_judge_is_one_line(small, tmp_path):
-    still = spoilt(
-        small, tmp_path,
-        lambda f: [replaced(f, f"axes/{a}/position_demand", np.zeros(KEPT)) for a in "xy"],
-    )  # fmt: skip
-    report, line = run(small, "--check", still)
+    report, line = run(small, "--check", spoilt(small, tmp_path, without_motion))
     assert report is None
     assert line.startswith("--check: ")
     assert "no motion" in line
 
 
-def test_the_curves_of_the_page_are_in_the_json(small, tmp_path):
+def test_the_recording_itself_is_fine_and_the_curves_of_its_page_are_in_the_json(small, tmp_path):
     page = tmp_path / "gap.html"
     report, _ = run(small, "--check", small, "--html", page)
+    assert report["verdict"] == "no_gap"
     assert report["gap_closed_elsewhere"] is None
     assert set(report["residuals"]) == {"x", "y"}
     assert report["residuals"]["x"]["over_velocity"]
@@ -130,10 +110,8 @@ def test_the_curves_of_the_page_are_in_the_json(small, tmp_path):
 
 
 def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):
-    path = spoilt(
-        small, tmp_path,
-        lambda f: replaced(f, "axes/x/force_actual", -f["axes/x/force_actual"][()]),
-    )  # fmt: skip
+    force = "axes/x/force_actual"
+    path = spoilt(small, tmp_path, lambda f: replaced(f, force, -f[force][()]))
     twin = tmp_path / "twin.yaml"
     result = CliRunner().invoke(diagnose, [str(path), "--twin", str(twin)])
     assert result.exit_code == 0, result.output
@@ -147,11 +125,18 @@ def test_the_report_is_printed_before_a_twin_that_cannot_be_written(small):
     assert "No gap" in result.output
 
 
+def imported(machine, tmp_path):
+    """The recording of another machine's motion, and the name of a twin."""
+    data, how = machine.write(tmp_path)
+    arguments = [str(data), "--map", str(how), "--out", str(tmp_path / "r.h5")]
+    done = CliRunner().invoke(import_data, arguments)
+    assert done.exit_code == 0, done.output
+    return tmp_path / "r.h5", tmp_path / "twin.yaml"
+
+
 @pytest.mark.slow
 def test_a_twin_has_the_figures_fitted_and_says_why_it_cannot_run(tmp_path):
-    data, how = TOOL.write(tmp_path)
-    path, twin = tmp_path / "r.h5", tmp_path / "twin.yaml"
-    CliRunner().invoke(import_data, [str(data), "--map", str(how), "--out", str(path)])
+    path, twin = imported(TOOL, tmp_path)
     result = CliRunner().invoke(diagnose, [str(path), "--twin", str(twin), "--jobs", "1"])
     assert "twin.yamlcannotrun:thecontrollergainsofa" in "".join(result.output.split())
     text = twin.read_text()
@@ -165,11 +150,7 @@ def test_what_no_effect_explains_is_a_table_of_the_twin_beside_the_figures_found
         over_place = 120.0 * np.tanh((x - 0.2) / 0.05)
         return TOOL.force(t, x, v, a) - 80.0 + over_place + 1500.0 * v * np.abs(v) * (x > 0.1)
 
-    data, how = replace(TOOL, force=odd).write(tmp_path)
-    path, twin = tmp_path / "r.h5", tmp_path / "twin.yaml"
-    command = [str(data), "--map", str(how), "--out", str(path)]
-    done = CliRunner().invoke(import_data, command)
-    assert done.exit_code == 0, done.output
+    path, twin = imported(replace(TOOL, force=odd), tmp_path)
     report, _ = run(path, "--twin", twin, "--jobs", "1")
     assert report["verdict"] == "unexplained"
     (force,) = report["empirical"]
@@ -201,8 +182,6 @@ def test_a_dead_or_absurd_channel_is_never_a_traceback(small, tmp_path, channel,
 
 def test_machine_files_that_do_not_fit(small, tmp_path):
     text = load_machine().text
-    (tmp_path / "other.yaml").write_text(text.replace("  y:", "  z:"))
-    assert "the model has axes x, z" in run(small, "--machine", tmp_path / "other.yaml")[1]
     (tmp_path / "slow.yaml").write_text(text.replace("sync_period: 0.001", "sync_period: 0.002"))
     assert "0.001 s apart" in run(small, "--machine", tmp_path / "slow.yaml")[1]
     assert "missing.yaml" in run(small, "--machine", tmp_path / "missing.yaml")[1]
@@ -218,13 +197,13 @@ def test_damaged_bytes_are_one_line_or_a_report(small, tmp_path):
     whole = small.read_bytes()
     rng = np.random.default_rng(11)
     path = tmp_path / "damaged.h5"
-    for _ in range(30):
+    for _ in range(15):
         damaged = bytearray(whole)
         for place in rng.integers(0, min(len(whole), 6000), 12):
             damaged[place] = int(rng.integers(256))
         path.write_bytes(damaged[: int(rng.integers(100, len(damaged)))])
         report, line = run(path)
-        assert report is not None or ("damaged.h5" in line and len(line.splitlines()) >= 1)
+        assert report is not None or "damaged.h5" in line
 
 
 @pytest.mark.slow

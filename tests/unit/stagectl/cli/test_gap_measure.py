@@ -1,7 +1,5 @@
 """`stagectl gap measure`: its memory."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +15,11 @@ SOURCE = Path(__file__).parents[3] / "data" / "null-2.h5"
 BLOCK = 3000
 
 
-def repeated(times: int, path: Path) -> None:
+def repeated(times, path):
     """The source there and back, again and again, without its moves."""
     source = read_recording(SOURCE)
 
-    def again(values: np.ndarray) -> np.ndarray:
+    def again(values):
         return np.tile(np.concatenate((values[:BLOCK], values[BLOCK - 1 :: -1])), times)
 
     axes = {

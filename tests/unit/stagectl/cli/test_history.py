@@ -1,42 +1,36 @@
 """The runs of a history as a table and as JSON."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from stagectl.cli import cli
-from stagectl.history import EstimateRecord, RunEntry, StageKey, open_history
+from stagectl.history import open_history
+from tests.unit.stagectl.rows import estimate_record, run_entry
 
 LONG = "a lot whose name is longer than the terminal is wide"
 
 
 @pytest.fixture
-def where(tmp_path: Path) -> str:
+def where(tmp_path):
     path = str(tmp_path / "stage.db")
     history = open_history(path, write=True)
     for lot, day in ((LONG, 0.0), ("[/b]", 86400.0)):
-        entry = RunEntry(StageKey("wafer-xy", True), ("x",), day, "short", lot, None, "s", "f")
-        run = history.start_run(entry)
-        history.add([
-            EstimateRecord(run, "x", "macro", 1, (0.0, 0.0), day, 0.1, True, None,
-                           {"coulomb": 6.0}, (0.01,))
-        ])  # fmt: skip
+        run = history.start_run(run_entry(started=day, axes=("x",), lot=lot))
+        history.add([estimate_record(run, figures={"coulomb": 6.0}, covariance=(0.01,))])
         history.end_run(run, "completed")
     history.close()
     return path
 
 
-def listed(*arguments: str) -> str:
+def listed(*arguments):
     done = CliRunner().invoke(cli, ["history", "list", *arguments], env={"COLUMNS": "40"})
     assert done.exit_code == 0, done.output
     return done.stdout
 
 
-def test_every_name_stays_whole_on_a_narrow_terminal(where: str) -> None:
+def test_every_name_stays_whole_on_a_narrow_terminal(where):
     rows = listed("--history", where).splitlines()
     (first,) = (row for row in rows if "1970-01-01" in row)
     assert LONG in first
@@ -44,7 +38,7 @@ def test_every_name_stays_whole_on_a_narrow_terminal(where: str) -> None:
     assert any("[/b]" in row for row in rows), "a name is no markup"
 
 
-def test_filters_and_json(where: str) -> None:
+def test_filters_and_json(where):
     options = ("--history", where, "--since", "1970-01-02", "--json", "-")
     told = json.loads(listed(*options))
     assert told["format"] == "stagectl-history-runs"

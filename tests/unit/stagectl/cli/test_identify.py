@@ -22,10 +22,8 @@ NAMES = (
 
 
 def answer(held_out, recommended):
-    figures = tuple(
-        Figure(name, "", 10.0, 4.0, 12.0, 0.1, 40.0, ESTIMATED, held_out.get(name, BETTER))
-        for name in NAMES
-    )
+    of = ("", 10.0, 4.0, 12.0, 0.1, 40.0, ESTIMATED)
+    figures = tuple(Figure(name, *of, held_out.get(name, BETTER)) for name in NAMES)
     return Identification(None, figures, 1.0, 3.0, 1.1, 9000, 20, recommended)
 
 

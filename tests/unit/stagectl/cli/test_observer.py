@@ -2,7 +2,6 @@
 
 import json
 import re
-from importlib import resources
 
 import pytest
 from click.testing import CliRunner
@@ -11,7 +10,7 @@ from benchmarks.shared.other_stages import with_gains
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.cli import cli
-from stagectl.config import stage_settings
+from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted
 from tests.unit.stagectl.run.whole import OVER_CURRENT, SITES
 
@@ -20,7 +19,7 @@ def call(*arguments, **options):
     return CliRunner().invoke(cli, [str(a) for a in arguments], **options)
 
 
-MACHINE = (resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml").read_text()
+MACHINE = load_machine().text
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +27,8 @@ def measured(tmp_path_factory):
     """What is said of the virtual stage as it is measured, and the folder with it."""
     folder = tmp_path_factory.mktemp("measured")
     (folder / "m.yaml").write_text(MACHINE)
-    done = call(
-        "observer", "--measure", "--machine", folder / "m.yaml", "--simulate",
-        "--out", folder / "v.json", "--html", folder / "v.html", "--json", "-",
-    )  # fmt: skip
+    out = ("--out", folder / "v.json", "--html", folder / "v.html", "--json", "-")
+    done = call("observer", "--measure", "--machine", folder / "m.yaml", "--simulate", *out)
     assert done.exit_code == 0, done.output
     return done, folder
 
@@ -53,10 +50,8 @@ def test_a_virtual_stage_is_measured(measured):
     assert x["measured"]["gain"] > 2.0
     assert "Axis x" in (folder / "v.html").read_text()
     assert not (folder / "m.response.json").exists()
-    again = call(
-        "observer", "--machine", folder / "m.yaml", "--measurement", folder / "v.json", "--json",
-        "-",
-    )  # fmt: skip
+    given = ("--measurement", folder / "v.json", "--json", "-")
+    again = call("observer", "--machine", folder / "m.yaml", *given)
     assert json.loads(again.stdout)["axes"] == json.loads(done.stdout)["axes"]
 
 
@@ -89,16 +84,10 @@ def test_without_a_measurement_the_file_is_designed_from_and_that_is_said(files)
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        ("--yes",),
-        ("--out", "a.json"),
-        ("--html", "a.html"),
-        ("--measure", "--measurement", "a.json"),
-    ],
+    "options", ["--yes", "--out a.json", "--html a.html", "--measure --measurement a.json"]
 )
 def test_options_that_do_not_go_together(files, options):
-    assert call("observer", "--machine", "m.yaml", *options).exit_code == 2
+    assert call("observer", "--machine", "m.yaml", *options.split()).exit_code == 2
 
 
 def observers(folder):
@@ -106,14 +95,12 @@ def observers(folder):
 
 
 def test_a_run_measures_the_virtual_stage_or_takes_what_is_given(files, measured):
-    done = call("run", "r.yaml", "--machine", "m.yaml", "--simulate", "--out", "a")
+    run = ("run", "r.yaml", "--machine", "m.yaml", "--simulate")
+    done = call(*run, "--out", "a")
     assert done.exit_code == 0, done.output
     assert all(axis["on"] for axis in observers(files / "a").values())
     assert call("replay", "a").exit_code == 0
-    given = call(
-        "run", "r.yaml", "--machine", "m.yaml", "--simulate", "--measurement",
-        measured[1] / "v.json", "--out", "b",
-    )  # fmt: skip
+    given = call(*run, "--measurement", measured[1] / "v.json", "--out", "b")
     assert given.exit_code == 0, given.output
     assert observers(files / "b") == observers(files / "a")
 
@@ -124,9 +111,8 @@ def test_a_run_on_a_bus_has_no_observer_unless_measured(files, bus):
     said = " ".join(done.output.split())
     assert "axes x, y: no observer: not measured; measure with: stagectl observer" in said
     assert not any(axis["on"] for axis in observers(files / "a").values())
-    (files / "m.yaml").write_text(
-        (files / "m.yaml").read_text().replace("node: 1\n", "node: 1\n    observer: trust\n")
-    )
+    trusting = MACHINE.replace("node: 1\n", "node: 1\n    observer: trust\n")
+    (files / "m.yaml").write_text(trusting)
     trusted = call("run", "r.yaml", "--machine", "m.yaml", "--bus", bus, "--out", "b")
     assert trusted.exit_code == 0, trusted.output
     assert observers(files / "b")["x"]["on"]
@@ -142,16 +128,12 @@ moves: [{to: [0.004, 0.004]}, {to: [0, 0]}, {to: [0.004, 0.004]}]
 """
 
 
-def soft(machine):
-    """The stage with half of the drives' gains."""
-    return with_gains(machine, dict.fromkeys(("kp", "ki", "kd"), 0.5))
-
-
 @pytest.fixture
 def changed(machine, request):
     """A bus with drives whose gains are half of the machine file's; drive y fails in time."""
     world = World(request.node.name)
-    drives = VirtualStage(stage_settings(soft(machine)), 1)
+    soft = with_gains(machine, dict.fromkeys(("kp", "ki", "kd"), 0.5))
+    drives = VirtualStage(stage_settings(soft), 1)
     drives.attach(world)
 
     def fail(after_ns):
@@ -202,12 +184,8 @@ def test_an_observer_that_is_out_is_replayed_and_begins_afresh_on_a_virtual_stag
     (files / "faults.yaml").write_text(
         "faults: [{fault: drive, axis: y, error: over_current, at: 3.5 s}]\n"
     )
-    packaged = (files / "m.yaml").read_text()
-    for name in ("kp", "ki", "kd"):
-        packaged = re.sub(
-            rf"\b{name}: ([0-9.]+)", lambda m, n=name: f"{n}: {float(m[1]) / 2}", packaged
-        )
-    (files / "soft.yaml").write_text(packaged)
+    soft = re.sub(r"\b(k[pid]): ([0-9.]+)", lambda m: f"{m[1]}: {float(m[2]) / 2}", MACHINE)
+    (files / "soft.yaml").write_text(soft)
     run = ("run", "slow.yaml", "--machine", "m.yaml", "--simulate", "soft.yaml")
     given = ("--measurement", measured[1] / "v.json", "--faults", "faults.yaml")
     ended = call(*run, *given, "--out", "a")

@@ -8,27 +8,25 @@ from click.testing import CliRunner
 
 from stagectl.cli.paper import command
 from stagectl.errors import UnusableInput
-from stagectl.paper import page
+from stagectl.paper.page import MOVE_PLOT
+from stagectl.paper.published import PARAMETERS
 
 
 def test_command_writes_page_plots_and_json(tmp_path):
-    result = CliRunner().invoke(
-        command,
-        ["--quick", "--json", str(tmp_path / "p.json"), "--out", str(tmp_path / "p.md")],
-        catch_exceptions=False,
-    )
+    page, figures = tmp_path / "p.md", tmp_path / "p.json"
+    arguments = ["--quick", "--json", str(figures), "--out", str(page)]
+    result = CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     assert "Tables I and II" in result.output
-    assert (tmp_path / "p.md").read_text(encoding="utf-8").startswith("# ")
-    assert (tmp_path / page.MOVE_PLOT).exists()
-    found = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
+    assert page.read_text(encoding="utf-8").startswith("# ")
+    assert (tmp_path / MOVE_PLOT).exists()
+    found = json.loads(figures.read_text(encoding="utf-8"))
     assert set(found) == {"tables", "fixed_force", "claims"}
-    assert len(found["claims"]) == 6
-    for claim in found["claims"]:
-        assert set(claim) == {"claim", "verdict", "figure"}
-    assert len(found["fixed_force"]) == 4
-    assert set(found["fixed_force"][0]) == {"initial", "bounds", "tables"}
+    assert [set(claim) for claim in found["claims"]] == [{"claim", "verdict", "figure"}] * 6
+    assert [set(one) for one in found["fixed_force"]] == [{"initial", "bounds", "tables"}] * 4
     two = found["tables"]["two_windows"]["aligned"]
+    assert set(two) == {*PARAMETERS, "mse", "iterations", "evaluations"}
+    assert two["stiffness"]["sigma"] > 0
     assert two["stiffness"]["value"] == pytest.approx(1000.0, rel=3e-3)
 
 

@@ -1,14 +1,11 @@
 """The progress display of a run on a terminal: a pseudo terminal, read here."""
 
-from __future__ import annotations
-
 import os
 import pty
 import re
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -17,7 +14,7 @@ import pytest
 from stagectl.cli.plain_console import PlainConsole
 from stagectl.cli.progress import RunProgress, clock_time
 from stagectl.config import load_machine
-from stagectl.recipe import Recipe, load_recipe
+from stagectl.recipe import load_recipe
 from stagectl.sequencer import MoveStarted, Retrying, SegmentDone, Settled, Waiting
 
 RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
@@ -27,13 +24,13 @@ DEADLINE = 600.0  # only ends a wait that would otherwise never end
 class Terminal:
     """A terminal of 160 columns, whose output is read only by `wait_for`."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self._screen, slave = pty.openpty()
         self._seen = ""
         self.file = os.fdopen(slave, "w")
         self.console = PlainConsole(file=self.file, force_terminal=True, width=160)
 
-    def wait_for(self, pattern: str) -> str:
+    def wait_for(self, pattern):
         """Read until the pattern has been drawn."""
         ends = time.monotonic() + DEADLINE
         while (found := re.search(pattern, self._seen)) is None:
@@ -42,10 +39,10 @@ class Terminal:
         self._seen = self._seen[found.end() :]
         return found[0]
 
-    def drain(self) -> None:
+    def drain(self):
         """Read everything from now on."""
 
-        def read() -> None:
+        def read():
             try:
                 while os.read(self._screen, 4096):
                     pass
@@ -56,17 +53,17 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal() -> Terminal:
+def terminal():
     return Terminal()
 
 
 @pytest.fixture(scope="module")
-def recipe() -> Recipe:
+def recipe():
     return load_recipe(RECIPE, load_machine())
 
 
 @contextmanager
-def shown(terminal: Terminal, recipe: Recipe, *times: float) -> Iterator[RunProgress]:
+def shown(terminal, recipe, *times):
     clock = iter(times)
     with RunProgress(
         terminal.console, recipe, ("x", "y"), clock=lambda: next(clock, times[-1] if times else 0.0)
@@ -75,22 +72,16 @@ def shown(terminal: Terminal, recipe: Recipe, *times: float) -> Iterator[RunProg
         terminal.drain()
 
 
-def test_the_clock_runs_while_nothing_happens(terminal: Terminal, recipe: Recipe) -> None:
-    with shown(terminal, recipe) as progress:
-        progress.phase("homing")
-        terminal.wait_for("homing.*0:00:01")
-        terminal.wait_for("homing.*0:00:02")
-
-
-def test_the_streams_of_the_process_stay_in_place(terminal: Terminal, recipe: Recipe) -> None:
+def test_the_clock_runs_while_nothing_happens_and_the_process_keeps_its_streams(terminal, recipe):
     before = sys.stdout, sys.stderr  # swapped by a thread, they may come back at any time
     with shown(terminal, recipe) as progress:
         progress.phase("homing")
-        terminal.wait_for("homing")
+        terminal.wait_for("homing.*0:00:01")
         assert (sys.stdout, sys.stderr) == before
+        terminal.wait_for("homing.*0:00:02")
 
 
-def test_what_the_stage_waits_for_is_shown(terminal: Terminal, recipe: Recipe) -> None:
+def test_what_the_stage_waits_for_is_shown(terminal, recipe):
     with shown(terminal, recipe) as progress:
         progress.event(Waiting(3, "dwelling", 90.0))
         terminal.wait_for(r"site 3/20 dwelling, at most 90 s")
@@ -100,7 +91,7 @@ def test_what_the_stage_waits_for_is_shown(terminal: Terminal, recipe: Recipe) -
         terminal.wait_for("site 3/20 looking for the mark ")
 
 
-def test_the_time_left_is_that_of_the_moves_to_come(terminal: Terminal, recipe: Recipe) -> None:
+def test_the_time_left_is_that_of_the_moves_to_come(terminal, recipe):
     with shown(terminal, recipe, 0.0, 30.0, 60.0) as progress:  # 40 moves
         progress.event(MoveStarted(1, "macro", 0.0))
         progress.event(MoveStarted(1, "micro", 30.0))
@@ -109,7 +100,7 @@ def test_the_time_left_is_that_of_the_moves_to_come(terminal: Terminal, recipe: 
         terminal.wait_for("2/40.*19:00 left")
 
 
-def test_a_repeated_site_is_counted_once(terminal: Terminal, recipe: Recipe) -> None:
+def test_a_repeated_site_is_counted_once(terminal, recipe):
     with shown(terminal, recipe, *range(100)) as progress:
         for kind in ("macro", "micro"):
             progress.event(MoveStarted(1, kind, 0.0))
@@ -123,7 +114,7 @@ def test_a_repeated_site_is_counted_once(terminal: Terminal, recipe: Recipe) -> 
         terminal.wait_for("2/40")
 
 
-def test_the_last_move_is_counted(terminal: Terminal, recipe: Recipe) -> None:
+def test_the_last_move_is_counted(terminal, recipe):
     with RunProgress(terminal.console, recipe, ("x", "y"), done=19) as progress:
         for kind in ("macro", "micro"):
             progress.event(MoveStarted(20, kind, 0.0))
@@ -132,24 +123,27 @@ def test_the_last_move_is_counted(terminal: Terminal, recipe: Recipe) -> None:
         terminal.drain()
 
 
-def test_a_stopped_terminal_does_not_hold_up_the_caller(terminal: Terminal, recipe: Recipe) -> None:
+def test_a_stopped_terminal_does_not_hold_up_the_caller(terminal, recipe):
     with shown(terminal, recipe) as progress:
         for _ in range(3000):  # many times what a terminal takes that nobody reads
             progress.event(Settled(1, "macro", 0.15, False))
 
 
-def test_a_full_pipe_does_not_hold_up_the_caller(recipe: Recipe) -> None:
+def test_a_full_pipe_does_not_hold_up_the_caller(recipe):
     read, write = os.pipe()
     log = os.fdopen(write, "w")
     with RunProgress(PlainConsole(file=log, width=80), recipe, ("x", "y")) as progress:
         for _ in range(3000):
             progress.event(Settled(1, "macro", 0.15, False))
     os.close(read)  # the thread, which is still writing, finds a broken pipe
+    for thread in threading.enumerate():
+        if thread.name == "progress":
+            thread.join(DEADLINE)
     with suppress(BrokenPipeError):
         log.close()
 
 
-def test_warnings_go_to_a_log_in_order(recipe: Recipe, tmp_path: Path) -> None:
+def test_warnings_go_to_a_log_in_order(recipe, tmp_path):
     with (tmp_path / "log").open("w") as log:
         with RunProgress(PlainConsole(file=log, width=80), recipe, ("x", "y")) as progress:
             for site in range(1, 4):
@@ -160,5 +154,5 @@ def test_warnings_go_to_a_log_in_order(recipe: Recipe, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.4, "0:00"), (59.6, "1:00"), (3661, "1:01:01")])
-def test_durations_are_written_as_on_a_clock(seconds: float, text: str) -> None:
+def test_durations_are_written_as_on_a_clock(seconds, text):
     assert clock_time(seconds) == text

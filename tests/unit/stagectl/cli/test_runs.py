@@ -1,30 +1,12 @@
 """The table of `stagectl runs`: what no run names has no column."""
 
-from __future__ import annotations
-
 import json
 
 import pytest
 from click.testing import CliRunner
 
 from stagectl.cli.runs import command
-
-
-def _write_run(folder, **more):
-    folder.mkdir(parents=True)
-    summary = {
-        "format": "stagectl-summary",
-        "version": 1,
-        "recipe": "inspection-20",
-        "machine": "wafer-xy",
-        "started": "2026-03-04T05:06:07+00:00",
-        "simulated": True,
-        "lot": None,
-        "fault": None,
-        "outcome": "completed",
-        **more,
-    }
-    (folder / "summary.json").write_text(json.dumps(summary))
+from tests.unit.stagectl.run.whole import write_summary
 
 
 def _header(folder):
@@ -33,52 +15,54 @@ def _header(folder):
 
 
 def test_columns_that_no_run_fills_are_left_out(tmp_path):
-    _write_run(tmp_path / "a")
+    write_summary(tmp_path / "a")
     assert _header(tmp_path) == "started recipe stage outcome settling run".split()
-    _write_run(tmp_path / "b", wafer="W7")
+    write_summary(tmp_path / "b", wafer="W7")
     assert _header(tmp_path) == "started recipe stage wafer outcome settling run".split()
 
 
 def test_names_and_folders_are_whole_on_any_terminal(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     name = "inspection-20-20260304-050607"
-    _write_run(tmp_path / name, operator="A. Meier", comment="after re-greasing of the y guideway")
+    write_summary(
+        tmp_path / name, operator="A. Meier", comment="after re-greasing of the y guideway"
+    )
     lines = CliRunner().invoke(command, [str(tmp_path)]).output.splitlines()
-    (line,) = [line for line in lines if "2026-03-04 05:06" in line]
-    said = ("inspection-20", "virtual", "A. Meier", "after re-greasing of the y guideway",
+    (line,) = [line for line in lines if "2026-11-22 08:00" in line]
+    said = ("inspection", "virtual", "A. Meier", "after re-greasing of the y guideway",
             "completed", str(tmp_path / name))  # fmt: skip
     assert all(words in line for words in said)
 
 
 def test_only_runs_of_a_lot_since_a_date_or_that_failed(tmp_path):
-    _write_run(tmp_path / "a", lot="L1")
-    _write_run(tmp_path / "b", lot="L2", started="2026-03-06T00:00:00+00:00", outcome="fault")
-    _write_run(tmp_path / "c", started="2026-03-07T00:00:00+00:00", limits={"verdict": "fail"})
+    write_summary(tmp_path / "a", lot="L1")
+    write_summary(tmp_path / "b", lot="L2", started="2026-11-24T00:00:00+00:00", outcome="fault")
+    write_summary(tmp_path / "c", started="2026-11-25T00:00:00+00:00", limits={"verdict": "fail"})
 
     def listed(*options):
         done = CliRunner().invoke(command, [str(tmp_path), *options, "--json", "-"])
         return [run["folder"].rsplit("/")[-1] for run in json.loads(done.output)["runs"]]
 
     assert listed("--lot", "L1") == ["a"]
-    assert listed("--since", "2026-03-05") == ["b", "c"]
+    assert listed("--since", "2026-11-23") == ["b", "c"]
     assert listed("--failed") == ["b", "c"]
     assert listed("--failed", "--lot", "L2") == ["b"]
 
 
 def test_a_resumed_run_names_the_one_it_continues_and_settling_is_listed(tmp_path):
     micro = {"settling_median": {"5e-08": 0.0025, "2e-07": 0.0}}
-    _write_run(tmp_path / "b", resumed={"run": "runs/a", "done": 3}, micro=micro)
+    write_summary(tmp_path / "b", resumed={"run": "runs/a", "done": 3}, micro=micro)
     lines = CliRunner().invoke(command, [str(tmp_path)]).output.splitlines()
     assert "continues" in _header(tmp_path)
-    (line,) = [line.split() for line in lines if "2026-03-04" in line]
+    (line,) = [line.split() for line in lines if "2026-11-22" in line]
     assert line[-1] == "runs/a"
     assert "2.5" in line
 
 
 @pytest.mark.parametrize("operator", [{"first": "A."}, ["A."], 7, "A.\x1b[31m"])
 def test_one_run_that_is_not_as_it_should_be_hides_no_other(tmp_path, operator):
-    _write_run(tmp_path / "good")
-    _write_run(tmp_path / "odd", operator=operator)
+    write_summary(tmp_path / "good")
+    write_summary(tmp_path / "odd", operator=operator)
     done = CliRunner().invoke(command, [str(tmp_path)])
     assert done.exit_code == 0, done.exception
     assert "completed" in done.output
@@ -95,7 +79,7 @@ def test_two_runs_stand_beside_each_other(tmp_path):
     figures = {"coulomb": {"value": 6.02, "sigma": 0.05, "unit": "N"}}
     entry = {"site": 1, "axis": "x", "accepted": True, "reason": None, "parameters": figures}
     for name, settling in (("a", 0.002), ("b", 0.012)):
-        _write_run(
+        write_summary(
             tmp_path / name, format="stagectl-run-summary", moves=[move(settling)],
             friction=[entry], compensation="estimated", seed=1, duration=1.0, wall_time=0.1,
             cycle={"period": 1e-3, "missed": 0, "late": 0}, wafer=f"W-{name}",

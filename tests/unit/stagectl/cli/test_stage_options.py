@@ -1,7 +1,5 @@
 """Which machine files --machine and --simulate select."""
 
-from pathlib import Path
-
 import click
 from click.testing import CliRunner
 
@@ -10,7 +8,7 @@ from stagectl.cli.stage_options import StageCommand, StageOptions
 from stagectl.config import load_machine
 
 
-def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
+def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path):
     own = tmp_path / "coarse.yaml"
     text = load_machine(None).text
     own.write_text(text.replace("increment: 1.0e-9", "increment: 5.0e-9"))

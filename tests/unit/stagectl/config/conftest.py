@@ -8,7 +8,7 @@ from stagectl.errors import ConfigError
 from tests.unit.stagectl.changed_text import changed_text
 
 ADDED = dict.fromkeys(("homing", "effects"), "node: 1\n    ")
-OF_DRIVE = ("quirks", "enable_timeout", "boot_timeout", "revision")
+OF_DRIVE = ("options", "quirks", "enable_timeout", "boot_timeout", "revision")
 ADDED |= dict.fromkeys(OF_DRIVE, "rated_force: 40.0\n      ")
 ADDED |= {"realtime": "sync_period: 0.001\n  "}
 """Keys of axis x, its drive and the bus -> what stands before them."""

@@ -128,12 +128,16 @@ def test_frames_by_name(parse, frame, expected):
     assert fault.frames.until == math.inf
 
 
+def frames(*ids, sender=None, **limits):
+    return f.Frames(frozenset(ids), sender, **limits)
+
+
 def test_every_kind(parse):
     window = (
         "frame: tpdo1, axis: x, after: 1 s, until: 2, nth: [2, 3], probability: 0.5, at_most: 4"
     )
     x = f.Frames(frozenset({0x181}), "drives", None, 1.0, 2.0, frozenset({2, 3}), 0.5, 4)
-    sync = f.Frames(frozenset({0x80}), "host")
+    fifth = frames(0x80, sender="host", nth=frozenset({5}))
     cases = {
         f"fault: drop, {window}": f.Drop(x),
         f"fault: duplicate, copies: 2, {window}": f.Duplicate(x, 2),
@@ -141,27 +145,20 @@ def test_every_kind(parse):
         f"fault: reorder, hold: 2 ms, {window}": f.Reorder(x, 2e-3),
         f"fault: resize, length: 3, {window}": f.Resize(x, 3),
         f"fault: freeze, {window}": f.Freeze(x),
-        "fault: sync_jitter, most: 20 us": f.Delay(sync, 0.0, 2e-5),
-        "fault: sync_miss, nth: 5": f.Drop(
-            f.Frames(frozenset({0x80}), "host", nth=frozenset({5}))
-        ),
-        "fault: heartbeat_silence, of: host, after: 3": f.Drop(
-            f.Frames(frozenset({0x77F}), after=3.0)
-        ),
-        "fault: drive, axis: y, error: under_voltage, at: 1, until: 2": f.DriveFault(
-            2, 0x3220, at=1.0, until=2.0
-        ),
-        "fault: heartbeat_silence, of: y, after: 3, until: 4": f.Drop(
-            f.Frames(frozenset({0x702}), after=3.0, until=4.0)
-        ),
+        "fault: sync_jitter, most: 20 us": f.Delay(frames(0x80, sender="host"), 0.0, 2e-5),
+        "fault: sync_miss, nth: 5": f.Drop(fifth),
+        "fault: heartbeat_silence, of: host, after: 3": f.Drop(frames(0x77F, after=3.0)),
+        "fault: heartbeat_silence, of: y, after: 3, until: 4":
+            f.Drop(frames(0x702, after=3.0, until=4.0)),
         "fault: bus_off, of: x, at: 3, duration: 20 ms": f.BusOff(1, 3.0, 0.02),
         "fault: bus_off, of: host, at: 3, duration: 20 ms": f.BusOff(None, 3.0, 0.02),
         "fault: reboot, axis: y, at: 3": f.Reboot(2, 3.0),
         "fault: sdo_abort, axis: x, nth: 4, times: 2, code: '0x06040043', object: '0x6060'":
             f.SdoAbort(1, 4, 2, 0x06040043, 0x6060),
         "fault: drive, axis: x, error: encoder_loss, at: 3": f.DriveFault(1, 0x7305, at=3.0),
-        "fault: drive, axis: y, error: over_travel, position: -10 mm": f.DriveFault(
-            2, 0x8612, position=-0.01
-        ),
+        "fault: drive, axis: y, error: under_voltage, at: 1, until: 2":
+            f.DriveFault(2, 0x3220, at=1.0, until=2.0),
+        "fault: drive, axis: y, error: over_travel, position: -10 mm":
+            f.DriveFault(2, 0x8612, position=-0.01),
     }  # fmt: skip
     assert parse(*cases) == tuple(cases.values())

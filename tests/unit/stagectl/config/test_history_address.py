@@ -1,5 +1,7 @@
 """Passwords in the address of a history: in no message and no recording."""
 
+from pathlib import Path
+
 import pytest
 
 from stagectl.config import is_server, without_password
@@ -53,12 +55,27 @@ def test_messages_name_the_server_and_nothing_else(where, shown):
     assert shown_address(where) == shown
 
 
+@pytest.mark.parametrize(
+    ("where", "named"),
+    [
+        ("postgresql://u:s3cret@host:5433/db", "postgresql://u@host:5433/db"),
+        ("postgresql://u:s3?cret@h/db?sslmode=require", "postgresql://u@h/db?sslmode=require"),
+        ("postgres://h/db?user=u&password=s3cret", "postgres://h/db?user=u"),
+        ("postgresql://h/db?pass%77ord=s3cret", "postgresql://h/db"),
+        ("postgresql:///db?host=/tmp/x", "postgresql:///db?host=/tmp/x"),
+        ("postgresql://stage@/db", "postgresql://stage@/db"),
+        ("runs/stage.db", str(Path("runs/stage.db").absolute())),
+    ],
+)
+def test_a_recording_names_its_history_without_password(where, named):
+    assert without_password(where) == named
+
+
 def test_key_value_pairs_are_recorded_without_passwords():
     where = r"host=h dbname='my db' user=u password='it\'s' sslpassword=x"
     assert is_server(where)
-    assert psycopg.conninfo.conninfo_to_dict(without_password(where)) == {
-        "host": "h", "dbname": "my db", "user": "u",
-    }  # fmt: skip
+    kept = psycopg.conninfo.conninfo_to_dict(without_password(where))
+    assert kept == {"host": "h", "dbname": "my db", "user": "u"}
 
 
 @pytest.mark.parametrize("where", ["stage.db", "runs/host=1.db", "/var/my password/stage.db"])

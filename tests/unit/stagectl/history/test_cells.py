@@ -1,30 +1,22 @@
 """A history in which somebody else has written: one line, whatever is in which column."""
 
-from __future__ import annotations
-
+import contextlib
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.history import (
-    EstimateRecord,
-    History,
-    RunEntry,
     RunFilter,
-    StageKey,
     StepRecord,
     open_history,
 )
+from tests.unit.stagectl.rows import BEGIN, STAGE, estimate_record, run_entry
 
-STAGE = StageKey("wafer-xy", True)
-BEGIN = 1.7e9
 PLACE = (0.01, 0.02)
 HOSTILE = ("[/b]\x1b[31m", 1e300, b"\xff\x00")
-READS: tuple[Callable[[History], object], ...] = (
+READS = (
     lambda h: h.stages(),
     lambda h: h.runs(STAGE),
     lambda h: h.unfiled(STAGE),
@@ -46,43 +38,39 @@ READS: tuple[Callable[[History], object], ...] = (
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sound(tmp_path_factory):
     path = tmp_path_factory.mktemp("history") / "stage.db"
     opened = open_history(str(path), write=True)
-    run = opened.start_run(
-        RunEntry(
-            STAGE, ("x",), BEGIN, "r", "L", "W", "stagectl", "runs/r", "calibration", 1, "u"
-        )
-    )  # fmt: skip
+    run = opened.start_run(run_entry(purpose="calibration", seed=1, uuid="u"))
     for k, accepted in enumerate((True, True, False)):
         reason = None if accepted else "too few samples"
-        opened.add(
-            [
-                EstimateRecord(
-                    run, "x", "other", None, PLACE, BEGIN + k, 1e-3, accepted, reason,
-                    {"coulomb": 6.0}, (0.01,), 1.0, (6.0, 0.1), 21.0,
-                )
-            ]
-        )  # fmt: skip
+        told = {"level": 1.0, "measured": (6.0, 0.1), "temperature": 21.0, "reason": reason}
+        opened.add([estimate_record(run, place=PLACE, time=BEGIN + k, accepted=accepted, **told)])
     opened.add_step(StepRecord(run, "x", PLACE, BEGIN, 0.1, "site", 1))
     opened.activate(STAGE, opened.save_map(STAGE, BEGIN, "weekly", "{}"), BEGIN, "activated")
     opened.close()
-    connection = sqlite3.connect(path)
-    connection.execute("PRAGMA journal_mode = DELETE")
-    connection.close()
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA journal_mode = DELETE")
     return path
 
 
-def columns(path: Path) -> Iterator[tuple[str, str]]:
-    connection = sqlite3.connect(path)
-    tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
-    for (table,) in tables:
-        for _, column, *_ in connection.execute(f"PRAGMA table_info({table})").fetchall():
-            yield table, column
-    connection.close()
+def columns(path):
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+        for (table,) in names:
+            for _, column, *_ in connection.execute(f"PRAGMA table_info({table})").fetchall():
+                yield table, column
 
 
-def texts_in(found: object) -> Iterator[str]:
+def spoil(sound, path, table, column, cell):
+    """A copy of the history with this cell in every row."""
+    shutil.copy(sound, path)
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(f"UPDATE {table} SET {column} = ?", (cell,))  # noqa: S608
+        connection.commit()
+
+
+def texts_in(found):
     """All texts that a reading method gave."""
     if isinstance(found, str):
         yield found
@@ -94,22 +82,14 @@ def texts_in(found: object) -> Iterator[str]:
             yield from texts_in(getattr(found, name))
 
 
-def test_every_hostile_cell_is_one_line_or_does_no_harm(sound: Path, tmp_path: Path) -> None:
+def test_every_hostile_cell_is_one_line_or_does_no_harm(sound, tmp_path):
     path, refused = tmp_path / "stage.db", 0
     for table, column in columns(sound):
         for cell in HOSTILE:
-            shutil.copy(sound, path)
-            connection = sqlite3.connect(path)
             try:
-                connection.execute(f"UPDATE {table} SET {column} = ?", (cell,))  # noqa: S608
-                connection.commit()
-            except sqlite3.Error:  # the table does not take it
-                continue
-            finally:
-                connection.close()
-            try:
+                spoil(sound, path, table, column, cell)
                 history = open_history(str(path))
-            except UnusableInput:
+            except (sqlite3.Error, UnusableInput):  # the table does not take it, or we do not
                 continue
             for read in READS:
                 try:
@@ -123,13 +103,9 @@ def test_every_hostile_cell_is_one_line_or_does_no_harm(sound: Path, tmp_path: P
     assert refused > 30
 
 
-def test_the_line_names_history_column_and_reason(sound: Path, tmp_path: Path) -> None:
+def test_the_line_names_history_column_and_reason(sound, tmp_path):
     path = tmp_path / "stage.db"
-    shutil.copy(sound, path)
-    connection = sqlite3.connect(path)
-    connection.execute("UPDATE estimate SET time = 1e300")
-    connection.commit()
-    connection.close()
+    spoil(sound, path, "estimate", "time", 1e300)
     history = open_history(str(path))
     with pytest.raises(UnusableInput, match=r"stage.db: a row of it is damaged: time: 1e\+300 s"):
         history.refused(STAGE)

@@ -1,17 +1,13 @@
 """Filing what a history lacks, from the notes of recordings: once, for runs that may lack some."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.history import (
     EstimateRecord,
-    RunEntry,
     StageKey,
     StepRecord,
     note_of_estimate,
@@ -19,21 +15,17 @@ from stagectl.history import (
 )
 from stagectl.history.filing import recorded_run
 from stagectl.store import RunNotes
+from tests.unit.stagectl.rows import BEGIN, STAGE, run_entry
 
-BEGIN = 1.7e9
-STAGE = StageKey("wafer-xy", True)
 PATH = Path("recording.h5")
-ENTRY = RunEntry(
-    StageKey("wafer-xy", True), ("x", "y"), 1.7e9, "inspection", "L1", None, "stagectl 0.1",
-    "/runs/a", "calibration", 3, "5eed", "me", None,
-)  # fmt: skip
+ENTRY = run_entry(wafer=None, purpose="calibration", seed=3, uuid="5eed", operator="me")
 ESTIMATE = EstimateRecord(
     0, "y", "micro", 2, (0.0, -0.01), 1.7e9 + 5.5, -3e-5, False, "too short",
     {"coulomb": 9.0}, (0.01,), 1.002, (8.9, 0.05), 21.5, 1,
 )  # fmt: skip
 
 
-def events(**changes: Any) -> tuple[dict[str, Any], ...]:
+def events(**changes):
     """As a journal keeps them: JSON."""
     run = {"event": "run", "history": note_of_run(ENTRY, "/runs/stage.db"), **changes}
     friction = {
@@ -47,11 +39,11 @@ def events(**changes: Any) -> tuple[dict[str, Any], ...]:
     return tuple(json.loads(json.dumps(e)) for e in (run, friction, step))
 
 
-def notes(outcome: str = "completed", entries: Any = None) -> RunNotes:
+def notes(outcome="completed", entries=None):
     return RunNotes("", "", "", outcome, events() if entries is None else entries)
 
 
-def test_run_estimates_and_steps_come_back_as_they_were() -> None:
+def test_run_estimates_and_steps_come_back_as_they_were():
     found = recorded_run(notes(), PATH)
     assert found.entry == ENTRY
     assert (found.entry.uuid, found.entry.operator) == ("5eed", "me")
@@ -66,18 +58,18 @@ def test_run_estimates_and_steps_come_back_as_they_were() -> None:
     ("outcome", "filed"),
     [("completed", "completed"), ("fault", "fault"), ("killed", None), ("", None)],
 )
-def test_a_killed_run_has_no_outcome(outcome: str, filed: str | None) -> None:
+def test_a_killed_run_has_no_outcome(outcome, filed):
     assert recorded_run(notes(outcome), PATH).outcome == filed
 
 
-def test_an_older_recording_lacks_the_records() -> None:
+def test_an_older_recording_lacks_the_records():
     without = tuple({k: v for k, v in e.items() if k != "history"} for e in events())
     for entries in (without, ()):
         with pytest.raises(UnusableInput, match="lacks the records that a history needs"):
             recorded_run(notes(entries=entries), PATH)
 
 
-def test_damage_is_one_line() -> None:
+def test_damage_is_one_line():
     run, friction, step = events()
     for broken in ({**friction, "record": {}}, {**friction, "record": None}):
         with pytest.raises(UnusableInput, match=r"^recording\.h5: /events: damaged \("):

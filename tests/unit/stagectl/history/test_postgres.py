@@ -1,26 +1,22 @@
 """A connection that does not answer is cut, and only then."""
 
-from __future__ import annotations
-
 import socket
-from collections.abc import Iterator
 
 import pytest
 
 from stagectl.history.postgres import Watchdog
 
-Pair = tuple[socket.socket, socket.socket]
 LONG = 1000.0
 
 
 @pytest.fixture
-def pair() -> Iterator[Pair]:
+def pair():
     ours, theirs = socket.socketpair()
     with ours, theirs:
         yield ours, theirs
 
 
-def test_whoever_waits_too_long_gets_an_end_instead(pair: Pair) -> None:
+def test_whoever_waits_too_long_gets_an_end_instead(pair):
     ours, theirs = pair
     dog = Watchdog(ours.fileno(), patience=0.01)
     with dog:
@@ -29,7 +25,7 @@ def test_whoever_waits_too_long_gets_an_end_instead(pair: Pair) -> None:
     assert theirs.recv(1) == b""
 
 
-def test_an_answer_in_time_leaves_the_connection(pair: Pair) -> None:
+def test_an_answer_in_time_leaves_the_connection(pair):
     ours, theirs = pair
     dog = Watchdog(ours.fileno(), patience=LONG)
     theirs.send(b"a")
@@ -42,7 +38,7 @@ def test_an_answer_in_time_leaves_the_connection(pair: Pair) -> None:
     assert not dog.cut
 
 
-def test_after_a_wait_inside_another_one_the_outer_one_goes_on(pair: Pair) -> None:
+def test_after_a_wait_inside_another_one_the_outer_one_goes_on(pair):
     ours, _ = pair
     dog = Watchdog(ours.fileno(), patience=LONG)
     with dog:
@@ -55,7 +51,7 @@ def test_after_a_wait_inside_another_one_the_outer_one_goes_on(pair: Pair) -> No
     assert dog.cut
 
 
-def test_nothing_is_cut_between_waits(pair: Pair) -> None:
+def test_nothing_is_cut_between_waits(pair):
     ours, theirs = pair
     dog = Watchdog(ours.fileno(), patience=0.0)
     theirs.settimeout(0.6)  # two looks

@@ -6,9 +6,7 @@ import pytest
 
 from stagectl.errors import StagectlError
 from stagectl.history import AxisFriction, RunFilter, StageKey
-
-BEGIN = 1.7e9
-STAGE = StageKey("wafer-xy", True)
+from tests.unit.stagectl.rows import BEGIN, STAGE
 
 
 def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
@@ -16,9 +14,8 @@ def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
     run = a_run(lot="L7", wafer="W3", seed=5)
     number = history.start_run(run)
     first = an_estimate(number, temperature=22.4, measured=(1.02, 0.003), level=0.99)
-    refused = an_estimate(
-        number, accepted=False, reason="coulomb jumps by +20 %", axis="y", time=BEGIN + 2, site=None
-    )
+    jump = {"accepted": False, "reason": "coulomb jumps by +20 %"}
+    refused = an_estimate(number, axis="y", time=BEGIN + 2, site=None, **jump)
     history.add([first, refused])
     history.end_run(number, "completed")
     history.close()
@@ -30,12 +27,8 @@ def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
     assert again.counted(STAGE) == (1, 1)
     assert again.places(STAGE) == [(0.01, -0.02)]
     trend = again.trend(STAGE, "x", (0.01, -0.02))
-    assert {name: v.tolist() for name, v in trend.values.items()} == {
-        "coulomb": [6.0], "viscous": [20.0]
-    }  # fmt: skip
-    assert {name: v.tolist() for name, v in trend.sigma.items()} == {
-        "coulomb": [0.2], "viscous": [0.5]
-    }  # fmt: skip
+    assert trend.values == {"coulomb": [6.0], "viscous": [20.0]}
+    assert trend.sigma == {"coulomb": [0.2], "viscous": [0.5]}
     assert (trend.temperature[0], trend.level[0], trend.run) == (22.4, 0.99, (number,))
 
 
@@ -77,12 +70,8 @@ def test_what_counts_as_a_calibration(where, opened, a_run, an_estimate):
     number = history.start_run(a_run(purpose="calibration"))
     history.add([an_estimate(number, place=at["calibrated"], time=BEGIN, **shown)])
     number = history.start_run(a_run())
-    history.add(
-        [
-            an_estimate(number, place=at["calibrated"], time=BEGIN + 5.0, **shown),
-            an_estimate(number, place=at["slipped"], site=None, time=BEGIN + 6.0, **shown),
-        ]
-    )
+    history.add([an_estimate(number, place=at["calibrated"], time=BEGIN + 5.0, **shown)])
+    history.add([an_estimate(number, place=at["slipped"], site=None, time=BEGIN + 6.0, **shown)])
     number = history.start_run(a_run())  # a list of moves has no sites
     history.add([an_estimate(number, place=at["moved"], site=None, time=BEGIN + 9.0, **shown)])
     assert dict(history.calibrated(STAGE)) == {
@@ -127,11 +116,10 @@ def test_a_reader_reads_while_the_writer_writes(where, opened, a_run, an_estimat
 
 def test_runs_are_listed_with_the_friction_they_accepted_last(where, opened, a_run, an_estimate):
     history = opened(where)
+    told = [("A", "production"), ("B", "production"), ("A", "calibration")]
     runs = [
         history.start_run(a_run(started=BEGIN + 100 * k, lot=lot, wafer="W", purpose=purpose))
-        for k, (lot, purpose) in enumerate(
-            [("A", "production"), ("B", "production"), ("A", "calibration")]
-        )
+        for k, (lot, purpose) in enumerate(told)
     ]
     last = {"figures": {"viscous": 20.0, "coulomb": 6.5}, "covariance": (0.25, 0.0, 0.0, 0.04)}
     history.add([

@@ -1,24 +1,19 @@
 """Versions of maps and their use, on SQLite and PostgreSQL."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
-from stagectl.history import History, StageKey
+from stagectl.history import StageKey
+from tests.unit.stagectl.rows import BEGIN, STAGE
 
-STAGE, OTHER = StageKey("wafer-xy", True), StageKey("wafer-xy", False)
-BEGIN = 1.7e9
+OTHER = StageKey("wafer-xy", False)
 
 
 @pytest.fixture
-def history(where: str, opened: Callable[..., History]) -> Any:
+def history(where, opened):
     return opened(where)
 
 
-def test_versions_are_numbered_for_each_stage_and_kept_as_written(history: Any) -> None:
+def test_versions_are_numbered_for_each_stage_and_kept_as_written(history):
     assert [history.save_map(STAGE, BEGIN + n, f"c{n}", f'{{"n": {n}}}') for n in (1, 2)] == [1, 2]
     assert history.save_map(OTHER, BEGIN, "", "{}") == 1
     first, second = history.maps(STAGE)
@@ -29,7 +24,7 @@ def test_versions_are_numbered_for_each_stage_and_kept_as_written(history: Any) 
     assert history.maps(StageKey("another", True)) == []
 
 
-def test_one_version_is_active_at_a_time_and_none_after_it_is_taken_back(history: Any) -> None:
+def test_one_version_is_active_at_a_time_and_none_after_it_is_taken_back(history):
     for n in range(2):
         history.save_map(STAGE, BEGIN + n, "", "{}")
     for number in (1, 2, None, 2):
@@ -41,7 +36,7 @@ def test_one_version_is_active_at_a_time_and_none_after_it_is_taken_back(history
     assert history.activations(OTHER) == []
 
 
-def test_a_version_that_there_is_not_cannot_be_activated(history: Any) -> None:
+def test_a_version_that_there_is_not_cannot_be_activated(history):
     history.save_map(STAGE, BEGIN, "", "{}")
     history.activate(STAGE, 1, BEGIN, "first")
     with pytest.raises(ValueError, match="no map 7"):

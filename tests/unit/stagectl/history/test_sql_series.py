@@ -5,11 +5,7 @@ import math
 import pytest
 
 from stagectl.history import StageKey
-
-BEGIN = 1.7e9
-
-
-STAGE = StageKey("wafer-xy", True)
+from tests.unit.stagectl.rows import BEGIN, STAGE
 
 
 def test_a_trend_may_span_estimators_with_different_figures(where, opened, a_run, an_estimate):

@@ -5,13 +5,11 @@ import threading
 
 import pytest
 
-from stagectl.config import without_password
 from stagectl.errors import StagectlError
-from stagectl.history import HistoryWriter, StageKey, StepRecord, open_history
+from stagectl.history import HistoryWriter, StepRecord, open_history
 from tests.sqlite_lock import locked
+from tests.unit.stagectl.rows import BEGIN, STAGE
 
-BEGIN = 1.7e9
-STAGE = StageKey("wafer-xy", True)
 ENOUGH = 60.0
 """No test waits for so long where all is well [s]."""
 
@@ -69,26 +67,20 @@ def test_a_locked_file_delays_only_the_writer(tmp_path, opened, a_run, an_estima
     assert opened(path).filed(number) == 300
 
 
-class Absent:
-    """A history that lets nobody in until it is released."""
+def test_queue_and_waiting_are_limited(a_run, an_estimate):
+    there = threading.Event()
 
-    def __init__(self):
-        self.there = threading.Event()
-
-    def __call__(self):
-        self.there.wait()
+    def absent():
+        there.wait()
         raise StagectlError("gone for good")
 
-
-def test_queue_and_waiting_are_limited(a_run, an_estimate):
-    absent = Absent()
     writer = HistoryWriter(absent, a_run(uuid="5eed"), limit=3)
     for n in range(1, 6):
         writer.enqueue(an_estimate(1, number=n))
     assert (writer.dropped, writer.filed) == (2, 0)
     writer.end(lambda history, run: pytest.fail("there is none"), patience=0.05)
     assert not writer.complete
-    absent.there.set()
+    there.set()
 
 
 def test_dropped_records_are_left_to_an_import(where, opened, begun, an_estimate):
@@ -109,60 +101,50 @@ def test_dropped_records_are_left_to_an_import(where, opened, begun, an_estimate
 
 
 @pytest.fixture
-def of_server(server, opened, a_run):
-    """A run, its number in a history on a server, and what opens that."""
-    import psycopg
-
-    with psycopg.connect(server.url, autocommit=True) as connection:
-        connection.execute("DROP SCHEMA IF EXISTS stagectl CASCADE")
-    history = opened(server.url)
+def connected(emptied, opened, a_run, an_estimate):
+    """The server, and a writer that is connected to it and has filed the first of 299 estimates."""
     entry = a_run(uuid="5eed")
+    history = opened(emptied.url)
     number = history.start_run(entry)
     history.close()
-    return entry, number, lambda: open_history(server.url, write=True)
-
-
-def test_a_restarted_server_gets_what_it_missed(server, of_server, opened, an_estimate):
-    entry, number, reopen = of_server
-    writer = HistoryWriter(reopen, entry)
-    filed = threading.Event()
+    writer = HistoryWriter(lambda: open_history(emptied.url, write=True), entry)
     writer.enqueue(an_estimate(number, number=1))
-    while not writer.filed:  # it is connected
-        filed.wait(0.01)
-    server.stop()
-    for n in range(2, 300):
-        writer.enqueue(an_estimate(number, number=n))
-    while writer.failure is None:
-        filed.wait(0.01)
-    assert "\n" not in writer.failure
-    server.start()
-    writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
-    assert (writer.complete, writer.filed, writer.failure) == (True, 299, None)
-    assert opened(server.url).filed(number) == 299
+    wait_until(lambda: writer.filed)
 
-
-def test_a_server_that_stops_answering_is_cut_off_and_tried_again(
-    server, of_server, opened, an_estimate, capfd
-):
-    """Its own time-outs are worth nothing then: the client cuts the connection."""
-    entry, number, reopen = of_server
-    writer = HistoryWriter(reopen, entry)
-    seen = threading.Event()
-    writer.enqueue(an_estimate(number, number=1))
-    while not writer.filed:
-        seen.wait(0.01)
-    with server.hung():
+    def fail():
         for n in range(2, 300):
             writer.enqueue(an_estimate(number, number=n))
-        while writer.failure is None:
-            seen.wait(0.01)
+        wait_until(lambda: writer.failure is not None)
+
+    yield emptied, writer, fail
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
+    assert (writer.complete, writer.filed, writer.failure) == (True, 299, None)
+    assert opened(emptied.url).filed(number) == 299
+
+
+def wait_until(true):
+    waiting = threading.Event()
+    while not true():
+        waiting.wait(0.01)
+
+
+def test_a_restarted_server_gets_what_it_missed(connected):
+    server, writer, fail = connected
+    server.stop()
+    fail()
+    assert "\n" not in writer.failure
+    server.start()
+
+
+def test_a_server_that_stops_answering_is_cut_off_and_tried_again(connected, opened, capfd):
+    """Its own time-outs are worth nothing then: the client cuts the connection."""
+    server, writer, fail = connected
+    with server.hung():
+        fail()
         assert "no answer for 12 s" in writer.failure or "timeout" in writer.failure
         assert writer.filed == 1
         with pytest.raises(StagectlError, match="timeout"):  # what a run would begin with
             opened(server.url)
-    writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
-    assert (writer.complete, writer.filed) == (True, 299)
-    assert opened(server.url).filed(number) == 299
     assert capfd.readouterr().err == ""
 
 
@@ -176,24 +158,3 @@ def test_a_server_that_never_answers_is_refused_in_one_line():
     assert f"127.0.0.1:{port}/fleet" in str(refused.value)
     assert "\n" not in str(refused.value)
     assert "secret" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("where", "named"),
-    [
-        ("postgresql://u:s3cret@host:5433/db", "postgresql://u@host:5433/db"),
-        ("postgresql://u:s3?cret@h/db?sslmode=require", "postgresql://u@h/db?sslmode=require"),
-        ("postgres://h/db?user=u&password=s3cret", "postgres://h/db?user=u"),
-        ("postgresql://h/db?pass%77ord=s3cret", "postgresql://h/db"),
-        ("postgresql:///db?host=/tmp/x", "postgresql:///db?host=/tmp/x"),
-        ("postgresql://stage@/db", "postgresql://stage@/db"),
-        ("/var/stage.db", "/var/stage.db"),
-    ],
-)
-def test_a_recording_names_its_history_without_password(where, named):
-    assert without_password(where) == named
-
-
-def test_a_history_in_a_file_is_named_by_its_absolute_path(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert without_password("runs/stage.db") == str(tmp_path / "runs" / "stage.db")

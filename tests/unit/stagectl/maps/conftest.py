@@ -1,27 +1,17 @@
 """A history with calibrations of a table whose friction varies."""
 
-import io
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from stagectl.config import load_machine
-from stagectl.history import EstimateRecord, RunEntry, StageKey, open_history
+from stagectl.history import open_history
 from stagectl.maps import build_map, load_active, map_versions, to_json
+from tests.unit.stagectl.rows import BEGIN, STAGE, estimate_record, run_entry
 
-STAGE = StageKey("wafer-xy", True)
-BEGIN = 1.7e9
 GRID = [(x * 0.02 - 0.04, y * 0.02 - 0.04) for y in range(5) for x in range(5)]
-
-
-@pytest.fixture
-def history(tmp_path):
-    opened = open_history(str(tmp_path / "stage.db"), write=True)
-    yield opened
-    opened.close()
 
 
 def level(axis, place):
@@ -36,9 +26,7 @@ def calibrate(
 ):
     """A calibration as the history has it: four moves a site, 1 % wander."""
     generator = np.random.default_rng(seed)
-    number = history.start_run(
-        RunEntry(STAGE, ("x", "y"), at, "cal", None, None, "stagectl", "runs/c", "calibration")
-    )
+    number = history.start_run(run_entry(started=at, purpose="calibration"))
     rows = []
     for i, place in enumerate([*sites, sites[0]]):
         for k in range(4):
@@ -47,15 +35,20 @@ def calibrate(
                 value *= 1.0 - falls * (3 * i + 0.6 * k)
                 shown = value * (1.0 + 0.01 * generator.standard_normal())
                 when = at + 3 * i + 0.6 * k + 0.1 * later
-                rows.append(
-                    EstimateRecord(
-                        number, axis, "other", i + 1, place, when, 1e-3, True,
-                        None, {"coulomb": value, "viscous": 20.0}, (0.01, 0, 0, 0.1), 1.0,
-                        (shown, 0.003 * value),
-                    )
-                )  # fmt: skip
-    history.add(rows)
+                figures = {"coulomb": value, "viscous": 20.0}
+                rows.append((axis, "other", i + 1, place, when, figures, (shown, 0.003 * value)))
+    history.add([row(number, *of, covariance=(0.01, 0, 0, 0.1)) for of in rows])
     return number
+
+
+def row(run, axis, kind, site, place, time, figures, shown, **other):
+    """An estimate: level shown [N]; all figures are known to 1 %, unless `covariance` says else."""
+    known = np.diag([(0.01 * value) ** 2 for value in figures.values()]).ravel().tolist()
+    values = {
+        "axis": axis, "kind": kind, "site": site, "place": place, "time": time, "distance": 1e-3,
+        "figures": figures, "covariance": tuple(known), "level": 1.0, "measured": shown, **other,
+    }  # fmt: skip
+    return estimate_record(run, **values)
 
 
 def keep(history, at):
@@ -63,24 +56,21 @@ def keep(history, at):
     return history.save_map(STAGE, at, "weekly", to_json(built)), built
 
 
-def two_versions(history, everywhere=1.0):
-    """Two versions of the map: since the first, one site has a fifth more friction."""
+@pytest.fixture(scope="session")
+def mapped(tmp_path_factory):
+    """A history with two versions of the map, the first in use.
+
+    Since the first one the whole table has 8 % more friction, and one site a fifth more than that.
+    """
+    history = open_history(str(tmp_path_factory.mktemp("maps") / "stage.db"), write=True)
     calibrate(history)
     keep(history, BEGIN)
-    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=everywhere, seed=2)
+    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=1.08, seed=2)
     keep(history, BEGIN + 5000)
-    return map_versions(history, STAGE)
-
-
-@pytest.fixture
-def versions(history):
-    return two_versions(history)
-
-
-@pytest.fixture
-def warmer(history):
-    """The same with the whole table 30 % up."""
-    return two_versions(history, everywhere=1.3)
+    first, second = map_versions(history, STAGE)
+    history.activate(STAGE, 1, BEGIN, "activated")
+    yield SimpleNamespace(history=history, first=first, second=second)
+    history.close()
 
 
 def activated(history, sites, started=BEGIN + 120):
@@ -92,29 +82,10 @@ def activated(history, sites, started=BEGIN + 120):
 
 
 def file(history, started, rows, purpose="production"):
-    """A run with these estimates: axis, kind, site, place, time, figures, level shown [N].
-
-    All figures are known to 1 %.
-    """
-    number = history.start_run(
-        RunEntry(STAGE, ("x", "y"), started, "r", None, None, "s", "f", purpose)
-    )
-    history.add([
-        EstimateRecord(
-            number, axis, kind, site, place, time, 1e-3, True, None, figures,
-            tuple(np.diag([(0.01 * v) ** 2 for v in figures.values()]).ravel().tolist()),
-            1.0, shown,
-        )
-        for axis, kind, site, place, time, figures, shown in rows
-    ])  # fmt: skip
+    """A run with these estimates, each as `row` takes it."""
+    number = history.start_run(run_entry(started=started, purpose=purpose))
+    history.add([row(number, *of) for of in rows])
     return number
-
-
-def printed(part):
-    """What a terminal of 120 columns shows."""
-    console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(part, crop=False)
-    return console.export_text()
 
 
 def estimate(shown, zones="AB", misfit=0.6, level=1.0, accepted=True, expected=(6.0, 0.06)):

@@ -2,40 +2,34 @@
 
 from dataclasses import replace
 
-from stagectl.config.machine.file import load_machine
 from stagectl.history import StageKey
 from stagectl.maps import MapVersion, outdated, problems, sites_outside
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, calibrate, keep
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID
 
 
-def test_objections_to_a_map_name_their_reason(history):
-    machine = load_machine()
-    calibrate(history, spot=GRID[12])
-    _, built = keep(history, BEGIN)
+def test_objections_to_a_map_name_their_reason(mapped, machine):
+    built = mapped.second.map
     found = problems(built, machine)
     assert not any(p.grave for p in found)
-    assert any("neighbours" in p.text and "axis x: site (0, 0) mm" in p.text for p in found)
+    assert any("neighbours" in p.text and "axis x: site (0, -20) mm" in p.text for p in found)
     x = built.axes["x"]
     far = replace(x.sites[0], place=(0.4, 0.0))
     wild = tuple(replace(site, coulomb=site.coulomb * 9) for site in x.sites)
     vague = tuple(replace(site, sigma=0.4) for site in x.sites)
-    cases = {
-        "outside the travel": {"x": replace(x, sites=(far, *x.sites[1:]))},
-        "times the machine file's": {"x": replace(x, sites=wild)},
-        "not known to": {"x": replace(x, sites=vague)},
-        "the machine has none": {"z": x},
-        "only 2 sites": {"x": replace(x, sites=x.sites[:2])},
-    }
-    for reason, axes in cases.items():
-        grave = [p.text for p in problems(replace(built, axes=axes), machine) if p.grave]
+    for reason, other in {
+        "outside the travel": {"axes": {"x": replace(x, sites=(far, *x.sites[1:]))}},
+        "times the machine file's": {"axes": {"x": replace(x, sites=wild)}},
+        "not known to": {"axes": {"x": replace(x, sites=vague)}},
+        "the machine has none": {"axes": {"z": x}},
+        "only 2 sites": {"axes": {"x": replace(x, sites=x.sites[:2])}},
+        "the machine is wafer-xy": {"stage": StageKey("another", True)},
+    }.items():
+        grave = [p.text for p in problems(replace(built, **other), machine) if p.grave]
         assert any(reason in text for text in grave), reason
-    other = replace(built, stage=StageKey("another", True))
-    assert any("the machine is wafer-xy" in p.text for p in problems(other, machine) if p.grave)
 
 
-def test_an_old_map_and_sites_outside_it_are_reported(history):
-    calibrate(history)
-    _, built = keep(history, BEGIN)
+def test_an_old_map_and_sites_outside_it_are_reported(mapped):
+    built = mapped.first.map
     day = 86400.0
     assert outdated(built, built.date + 29 * day, 365.0) == []
     for days, limit, grave in ((31, 365.0, False), (366, 365.0, True), (2, 1.0, True)):

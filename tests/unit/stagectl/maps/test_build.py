@@ -7,13 +7,11 @@ import pytest
 
 from stagectl.errors import UnusableInput
 from stagectl.maps import build_map
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, level
 
 
-def test_a_map_knows_its_sites_and_places_between_them(history):
-    calibrate(history)
-    _, built = keep(history, BEGIN)
-    for name, axis in built.axes.items():
+def test_a_map_knows_its_sites_and_places_between_them(mapped):
+    for name, axis in mapped.first.map.axes.items():
         assert len(axis.sites) == 25
         assert {site.count for site in axis.sites} == {4, 8}
         errors = np.array([s.coulomb / level(name, s.place) - 1 for s in axis.sites])
@@ -27,16 +25,12 @@ def test_a_map_knows_its_sites_and_places_between_them(history):
         assert axis.figures["viscous"][0] == 20.0
 
 
-def test_axes_are_in_order_whichever_was_measured_first(history):
-    calibrate(history, axes="yx")
-    assert list(build_map(history, STAGE).axes) == ["x", "y"]
-
-
 @pytest.mark.parametrize("falls", [0.0, 1e-3])
 def test_drift_during_a_calibration_is_not_mistaken_for_a_tilt(history, falls):
     """8 % in the 78 s from the first row of sites to the last; the first site is seen again."""
-    calibrate(history, falls=falls)
+    calibrate(history, falls=falls, axes="yx")
     built = build_map(history, STAGE)
+    assert list(built.axes) == ["x", "y"]  # whichever was measured first
     for name, axis in built.axes.items():
         off = np.log([site.coulomb / level(name, site.place) for site in axis.sites])
         off -= off.mean()

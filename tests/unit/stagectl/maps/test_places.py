@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from stagectl.config.machine.file import load_machine
 from stagectl.maps import TrackedPlaces
 from tests.unit.stagectl.calls import count_calls
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, activated, estimate, level
@@ -38,11 +37,9 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_detected(histo
     assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
 
 
-def test_sites_of_a_run_are_told_apart_without_comparing_each_with_each(history):
-    known, machine = activated(history, GRID), load_machine()
-
+def test_sites_of_a_run_are_told_apart_without_comparing_each_with_each(mapped, machine):
     def work(count):
         sites = [(-0.06 + 0.004 * (i % 30), -0.06 + 0.004 * (i // 30)) for i in range(count)]
-        return count_calls(lambda: TrackedPlaces(known.version.map, machine, sites, {}, BEGIN))
+        return count_calls(lambda: TrackedPlaces(mapped.first.map, machine, sites, {}, BEGIN))
 
-    assert work(600) < 3 * work(300)
+    assert work(200) < 3 * work(100)

@@ -7,13 +7,13 @@ import pytest
 
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.maps import restore_snapshot, take_snapshot
-from tests.unit.stagectl.maps.conftest import GRID, activated, estimate, level
+from stagectl.maps import load_active, restore_snapshot, take_snapshot
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, estimate, level
 
 
-@pytest.fixture
-def active(history):
-    return activated(history, [GRID[7]])
+@pytest.fixture(scope="module")
+def active(mapped, machine):
+    return load_active(mapped.history, STAGE, machine, [GRID[7]], BEGIN + 6000)
 
 
 def work(places):

@@ -7,6 +7,7 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.measurement import load_measurement, parse_measurement, response_path
 from stagectl.measurement.document import Identity
+from tests.unit.stagectl.machines import with_axes
 
 
 def entry():
@@ -38,38 +39,28 @@ def test_a_file_is_read():
     assert parse_measurement(found.as_text(), "m").as_text() == found.as_text()
 
 
-def at(*path):
-    def find(whole):
-        for key in path[:-1]:
-            whole = whole[key]
-        return whole
-
-    return find
-
-
 @pytest.mark.parametrize(
     ("path", "value", "reason"),
     [
-        (("version",), 2, "version"),
-        (("measured",), "yesterday", "measured: Value error, Invalid isoformat string"),
-        (("measured",), "2026-01-01T00:00:00", "measured: Value error, has no time zone"),
-        (("axes",), {}, "axes"),
-        (("axes", "x", "rest", "offset", "real"), [1e-6], "rest.offset: at, real, imaginary and"),
-        (
-            ("axes", "x", "sliding", "demand", "at"),
-            [4.0, 2.0],
-            "sliding.demand: frequencies do",
-        ),
-        (("axes", "x", "sliding", "offset", "at"), [2.0, 5.0], "the frequencies at rest and while"),
-        (("axes", "x", "rest", "offset", "real"), [0.0, 1.0], "rest.offset: a response of 0"),
-        (("axes", "x", "rest", "distortion"), -1.0, "axes.x.rest.distortion"),
-        (("axes", "x", "rest", "offset", "real"), [float("nan"), 1.0], "axes.x.rest.offset.real"),
-        (("axes", "x", "drive", "colour"), "red", "axes.x.drive.colour"),
+        ("version", 2, "version"),
+        ("measured", "yesterday", "measured: Value error, Invalid isoformat string"),
+        ("measured", "2026-01-01T00:00:00", "measured: Value error, has no time zone"),
+        ("axes", {}, "axes"),
+        ("axes x rest offset real", [1e-6], "rest.offset: at, real, imaginary and"),
+        ("axes x sliding demand at", [4.0, 2.0], "sliding.demand: frequencies do"),
+        ("axes x sliding offset at", [2.0, 5.0], "the frequencies at rest and while"),
+        ("axes x rest offset real", [0.0, 1.0], "rest.offset: a response of 0"),
+        ("axes x rest distortion", -1.0, "axes.x.rest.distortion"),
+        ("axes x rest offset real", [float("nan"), 1.0], "axes.x.rest.offset.real"),
+        ("axes x drive colour", "red", "axes.x.drive.colour"),
     ],
 )
 def test_a_bad_file_is_one_line_with_file_key_and_reason(path, value, reason):
     def change(whole):
-        at(*path)(whole)[path[-1]] = value
+        *above, last = path.split()
+        for key in above:
+            whole = whole[key]
+        whole[last] = value
 
     with pytest.raises(UnusableInput) as refused:
         parse_measurement(text(change), "m.json")
@@ -85,9 +76,6 @@ def test_what_is_no_measurement(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(UnusableInput, match=str(path)):
         load_measurement(path)
-
-
-def test_a_missing_file(tmp_path):
     with pytest.raises(UnusableInput, match="No such file"):
         load_measurement(tmp_path / "none.json")
 
@@ -98,10 +86,8 @@ def test_it_is_void_after_a_change(machine):
     bus = machine.bus.model_copy(update={"sync_period": 2e-3})
     slower = machine.model_copy(update={"bus": bus})
     assert "bus.sync_period is 0.002" in found.objection(slower, "x")
-    x = machine.axes["x"]
-    pid = x.drive.pid.model_copy(update={"kp": 300e3})
-    x = x.model_copy(update={"drive": x.drive.model_copy(update={"pid": pid})})
-    other = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    pid = machine.axes["x"].drive.pid.model_copy(update={"kp": 300e3})
+    other = with_axes(machine, x={"drive": {"pid": pid}})
     said = found.objection(other, "x")
     assert said == "drive.pid.kp is 300000; it was measured with 341000"
     assert found.objection(other, "x", simulated=True) is None

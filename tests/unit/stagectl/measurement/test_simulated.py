@@ -19,19 +19,15 @@ from stagectl.measurement import (
 )
 from stagectl.measurement import simulated as module
 from stagectl.measurement.procedure import measure_stage
+from tests.unit.stagectl.machines import with_axes
 
 
-def with_axis(machine, **update):
-    """The machine with something of every axis changed."""
-    axes = {name: axis.model_copy(update=update) for name, axis in machine.axes.items()}
-    return machine.model_copy(update={"axes": axes})
+def quirk(**of):
+    return {"drive": {"quirks": Quirks(**of)}}
 
 
-def with_drive(machine, **update):
-    return machine.model_copy(update={"axes": {
-        name: axis.model_copy(update={"drive": axis.drive.model_copy(update=update)})
-        for name, axis in machine.axes.items()
-    }})  # fmt: skip
+def effect(name, **figures):
+    return {"effects": (Effect(name, figures),)}
 
 
 def said(machine, measured, name="x"):
@@ -53,41 +49,37 @@ def test_a_stage_as_modelled_contradicts_nothing(machine, as_modelled):
         assert found.fitted.figures.mass == pytest.approx(axis.plant.mass, rel=0.02)
 
 
+LATE = ["force offsets act 3.00 ms (3 SYNC periods) late", "positions (0x6064) are 1.0"]
+HUNG = {"frequency": 250.0, "damping": 0.01, "mass_ratio": 0.2}
+
+
 @pytest.mark.parametrize(
-    ("change", "clause"),
+    ("x", "y", "clauses"),
     [
         (
-            lambda m: with_drive(m, quirks=Quirks(offset_delay=3, position_delay=1)),
-            ["force offsets act 3.00 ms (3 SYNC periods) late", "positions (0x6064) are 1.0"],
+            quirk(offset_delay=3, position_delay=1), quirk(offset_sign=-1),
+            (LATE, ["force offsets (0x60B2) act with the wrong sign"]),
         ),
         (
-            lambda m: with_drive(m, quirks=Quirks(offset_sign=-1)),
-            ["force offsets (0x60B2) act with the wrong sign"],
+            effect("resonance", **HUNG), effect("force_constant", ratio=0.5),
+            (
+                ["a resonance at 250 Hz that the file does not have"],
+                ["the force per acceleration is 2 times the file's"],
+            ),
         ),
         pytest.param(
-            lambda m: with_drive(m, quirks=Quirks(offset_step=0.01)),
-            ["force offsets act in steps of about 0.4"],
-            marks=pytest.mark.slow,
-        ),
-        (
-            lambda m: with_axis(m, effects=(
-                Effect("resonance", {"frequency": 250.0, "damping": 0.01, "mass_ratio": 0.2}),
-            )),
-            ["a resonance at 250 Hz that the file does not have"],
-        ),
-        pytest.param(
-            lambda m: with_axis(m, effects=(Effect("force_constant", {"ratio": 0.5}),)),
-            ["the force per acceleration is 2 times the file's"],
-            marks=pytest.mark.slow,
+            quirk(offset_step=0.01), {},
+            (["force offsets act in steps of about 0.4"], []), marks=pytest.mark.slow,
         ),
     ],
-    ids=["late", "sign", "steps", "resonance", "force constant"],
+    ids=["late and sign", "resonance and force constant", "steps"],
 )  # fmt: skip
-def test_what_differs_is_said_in_terms_of_the_file(machine, change, clause):
-    found = said(machine, measure_simulated(machine, change(machine), 1))
-    assert len(found.contradictions) == len(clause)
-    for has, begins in zip(found.contradictions, clause, strict=True):
-        assert has.startswith(begins)
+def test_what_differs_is_said_in_terms_of_the_file(machine, x, y, clauses):
+    measured = measure_simulated(machine, with_axes(machine, x=x, y=y), 1)
+    for name, clause in zip("xy", clauses, strict=True):
+        found = said(machine, measured, name).contradictions
+        for has, begins in zip(found, clause, strict=True):
+            assert has.startswith(begins)
 
 
 def test_it_is_kept_by_all_that_it_depends_on(machine, as_modelled, monkeypatch, tmp_path):
@@ -98,7 +90,8 @@ def test_it_is_kept_by_all_that_it_depends_on(machine, as_modelled, monkeypatch,
     warm = measure_virtual_stage(machine, machine)
     assert len(made) == 1
     assert cold.as_text() == warm.as_text() == as_modelled.as_text()
-    heavier = with_axis(machine, rotary=False, effects=(Effect("payload_mass", {"mass": 2.0}),))
+    assert parse_measurement(cold.as_text(), "again").as_text() == cold.as_text()
+    heavier = with_axes(machine, x=effect("payload_mass", mass=2.0))
     measure_virtual_stage(machine, heavier)
     assert [truth for _, truth, *_ in made] == [machine, heavier]
 
@@ -110,11 +103,6 @@ def test_only_the_latest_are_kept(monkeypatch, tmp_path):
         os.utime(tmp_path / f"{number}.json", ns=(number, number))
     module.keep(tmp_path / "4.json", "text")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["3.json", "4.json"]
-
-
-def test_the_file_holds_all_of_it(as_modelled):
-    text = as_modelled.as_text()
-    assert parse_measurement(text, "again").as_text() == text
 
 
 @pytest.fixture
@@ -160,10 +148,9 @@ def test_it_stays_within_what_it_states(machine, enabled):
 
 def test_a_limit_ends_it(machine, enabled):
     """A stage with ten times the friction needs more force than is allowed."""
-    x = machine.axes["x"]
-    figures = x.plant.friction.model_copy(update={"coulomb": 80.0})
-    stuck = x.model_copy(update={"plant": x.plant.model_copy(update={"friction": figures})})
-    truth = machine.model_copy(update={"axes": {**machine.axes, "x": stuck}})
+    plant = machine.axes["x"].plant
+    figures = plant.friction.model_copy(update={"coulomb": 80.0})
+    truth = with_axes(machine, x={"plant": plant.model_copy(update={"friction": figures})})
     with pytest.raises(RunFault, match=r"axis x: (motor force|following error) above"):
         measure_stage(enabled(truth), machine)
 
@@ -185,8 +172,7 @@ def test_it_is_stopped_at_any_sync(machine, enabled):
 
 
 def test_no_room_to_slide(machine, enabled):
-    x = machine.axes["x"].model_copy(update={"travel": (-0.01, 0.01)})
-    narrow = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    narrow = with_axes(machine, x={"travel": (-0.01, 0.01)})
     with pytest.raises(UnusableInput, match=r"axes\.x\.travel: the measurement slides by 31\.7 mm"):
         measure_stage(enabled(machine), narrow)
 
@@ -194,8 +180,9 @@ def test_no_room_to_slide(machine, enabled):
 @pytest.mark.slow
 def test_a_slow_integrator_is_no_step_of_the_offset(machine):
     """What it leaves drifts through all periods alike."""
-    x = machine.axes["x"].drive
-    slow = with_drive(machine, pid=x.pid.model_copy(update={"ki": 0.01 * x.pid.ki}))
+    pid = machine.axes["x"].drive.pid
+    weak = {"drive": {"pid": pid.model_copy(update={"ki": 0.01 * pid.ki})}}
+    slow = with_axes(machine, x=weak, y=weak)
     found = said(machine, measure_simulated(machine, slow, 1))
     assert found.step is None
     assert found.fitted.figures.mass == pytest.approx(8.0, rel=0.03)
@@ -207,15 +194,11 @@ def test_a_missed_sample_is_no_speed(machine, enabled):
     stream = stage.stream
 
     def seldom(position, offset, until=None):
-        rows = 0
-        shown = None
+        seen = []
 
         def see(now):
-            nonlocal rows, shown
-            rows += 1
-            if rows % 50 >= 4 or shown is None:
-                shown = now
-            return until(shown)
+            seen.append(now if len(seen) % 50 >= 3 or not seen else seen[-1])
+            return until(seen[-1])
 
         return stream(position, offset, see)
 

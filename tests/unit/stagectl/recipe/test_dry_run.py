@@ -1,12 +1,11 @@
 """Counts, path, duration and use of the limits against figures worked out by hand."""
 
-import io
 import json
 
 import pytest
-from rich.console import Console
 
 from stagectl.recipe import dry_run
+from tests.unit.stagectl.printed import printed
 
 HEAD = """recipe: a
 macro: {velocity: 0.1, acceleration: 1.0, jerk: 100.0}
@@ -47,10 +46,9 @@ def test_the_shipped_recipe_as_json_and_in_a_terminal(inspection, machine, recip
     assert data["limits"][0] == {
         "axis": "x", "quantity": "velocity", "used": 0.5, "limit": 1.0, "unit": "m/s",
     }  # fmt: skip
-    stream = io.StringIO()
-    Console(file=stream, width=80).print(outcome.render())
-    assert "20 macro, 20 micro" in stream.getvalue()
-    assert "nothing moves" in stream.getvalue()
+    shown = printed(outcome.render(), 80)
+    assert "20 macro, 20 micro" in shown
+    assert "nothing moves" in shown
 
 
 def test_sites_without_a_listed_mark_have_no_micro_move(machine, recipe_of, tmp_path):

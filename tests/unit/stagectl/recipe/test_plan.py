@@ -2,19 +2,16 @@
 
 from stagectl.recipe import Dwell, ExposeStep, FiducialStep, MoveStep, Profile, Settle
 from stagectl.recipe.plan import plan
+from tests.unit.stagectl.recipe.conftest import HEAD
 
-HEAD = """recipe: a
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 50 nm, hold: 5 ms, timeout: 0.15, on_timeout: retry}
-"""
+RETRY = HEAD.replace("0.15}", "0.15, on_timeout: retry}")
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
 SETTLE = Settle(5e-8, 5e-3, 0.15, "retry")
 
 
 def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of):
     recipe = recipe_of(
-        HEAD + "expose: 0.02\nfiducial: {source: simulated, range: 1 um}\nsites: [[0, 0.01]]\n"
+        RETRY + "expose: 0.02\nfiducial: {source: simulated, range: 1 um}\nsites: [[0, 0.01]]\n"
     )
     assert plan(recipe) == (
         MoveStep(1, "macro", (0.0, 0.01), MACRO),
@@ -27,7 +24,7 @@ def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of):
 
 
 def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of):
-    recipe = recipe_of(HEAD + "expose: 0\nfiducial: {source: none}\nsites: [[0, 0], [0, 0.01]]\n")
+    recipe = recipe_of(RETRY + "expose: 0\nfiducial: {source: none}\nsites: [[0, 0], [0, 0.01]]\n")
     assert plan(recipe) == (
         MoveStep(1, "macro", (0.0, 0.0), MACRO),
         SETTLE,
@@ -38,7 +35,7 @@ def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of):
 
 def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of):
     recipe = recipe_of(
-        HEAD + "moves:\n- {to: [0.01, 0]}\n- {to: [0.02, 0], kind: micro, velocity: 5 mm/s}\n"
+        RETRY + "moves:\n- {to: [0.01, 0]}\n- {to: [0.02, 0], kind: micro, velocity: 5 mm/s}\n"
         "- {dwell: 0.1}\n- {to: [0, 0], kind: creep, velocity: 1 mm/s, jerk: 1}\n"
     )
     assert plan(recipe) == (
@@ -57,7 +54,7 @@ def relatives(recipe, start=(0.0, 0.0)):
 
 def test_reverse_goes_against_the_last_move_of_that_axis(recipe_of):
     recipe = recipe_of(
-        HEAD + "moves:\n- {to: [0.01, -0.01]}\n- {reverse: 1.0e-4, axis: x}\n"
+        RETRY + "moves:\n- {to: [0.01, -0.01]}\n- {reverse: 1.0e-4, axis: x}\n"
         "- {reverse: 2.0e-4, axis: y}\n- {reverse: 1.0e-4, axis: x}\n"
     )
     assert relatives(recipe) == [(-1e-4, 0.0), (0.0, 2e-4), (1e-4, 0.0)]
@@ -69,7 +66,7 @@ def test_a_first_reverse_goes_in_the_positive_direction_and_repeats_alternate(
     recipe_of,
 ):
     recipe = recipe_of(
-        HEAD + "moves: [{repeat: 2, moves: [{repeat: 2, moves: [{reverse: 10 um, axis: y}]}]}]\n"
+        RETRY + "moves: [{repeat: 2, moves: [{repeat: 2, moves: [{reverse: 10 um, axis: y}]}]}]\n"
     )
     assert relatives(recipe) == [(0.0, 1e-5), (0.0, -1e-5), (0.0, 1e-5), (0.0, -1e-5)]
     assert not any(isinstance(step, Settle) for step in plan(recipe))

@@ -10,9 +10,8 @@ from tests.unit.stagectl.recipe.conftest import HEAD
 
 def test_sites_and_offsets_from_files(tmp_path, machine, problems_of):
     path = tmp_path / "r.yaml"
-    path.write_text(
-        HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: offsets, file: o.csv}\n"
-    )
+    fiducial = "fiducial: {source: offsets, file: o.csv}\n"
+    path.write_text(f"{HEAD}expose: 0\nsites: {{file: s.csv}}\n{fiducial}")
     sites, offsets = tmp_path / "s.csv", tmp_path / "o.csv"
     sites.write_text("# mm\ny, x\n1 mm, 2e-3\n-0.1, 150 mm\n")
     offsets.write_text("site,dx,dy\n2,-5 um,1e-6\n")

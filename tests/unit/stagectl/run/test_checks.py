@@ -1,7 +1,5 @@
 """What is checked before a run, and what that takes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -31,15 +31,12 @@ def machine(tmp_path):
     ],
 )
 def test_every_finding_says_what_and_when(kind, out, words):
-    text = describe("y", replace_kind(kind))
+    finding = FED._replace(kind=kind)
+    text = describe("y", finding)
     assert text.startswith("axis y: ")
     assert words in text
     assert "0.246 s" in text
-    assert is_out(replace_kind(kind)) is out
-
-
-def replace_kind(kind):
-    return FED._replace(kind=kind)
+    assert is_out(finding) is out
 
 
 def test_later_runs_know_what_is_out_until_the_stage_is_measured(machine):

@@ -11,7 +11,8 @@ from stagectl.errors import Aborted, RunFault
 from stagectl.run import HostSettings, Listener, execute
 from stagectl.sequencer import Limitation, Mode, MoveStarted
 from stagectl.store import read_notes, read_recording
-from tests.unit.stagectl.run.whole import OVER_CURRENT, failing_at, request_for
+from tests.unit.stagectl.machines import with_axes
+from tests.unit.stagectl.run.whole import OVER_CURRENT, failing_at, request_for, stopping_at
 
 
 @pytest.mark.parametrize("during", ["booting the drives", "homing", "enabling the drives"])
@@ -84,13 +85,7 @@ def test_an_error_of_ours_keeps_the_samples_and_is_shown(go, sites, tmp_path):
 
 
 def test_a_stop_while_it_runs_comes_to_rest_within_the_limits(go, sites, machine):
-    stops = []
-
-    def event(happened):
-        if isinstance(happened, MoveStarted) and happened.site == 2:
-            stops[0]("stopped by the operator")
-
-    result = go(sites, "run", listener=Listener(event=event, stoppable=stops.append))
+    result = go(sites, "run", listener=stopping_at(MoveStarted, 2))
     assert isinstance(result.error, Aborted)
     limits = machine.axes["x"].limits
     demand = result.recording.axes["x"].position_demand
@@ -102,14 +97,8 @@ def test_a_stop_while_it_runs_comes_to_rest_within_the_limits(go, sites, machine
 
 @pytest.mark.parametrize("mode", [Mode.ESTIMATED, Mode.NONE])
 def test_effects_that_are_not_compensated_are_named_where_anything_is(machine, tmp_path, mode):
-    x = machine.axes["x"].model_copy(
-        update={
-            "effects": (
-                Effect("floor_vibration", {"amplitude": 0.01, "frequency": 20.0, "phase": 0.0}),
-            )
-        }
-    )
-    host = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    figures = {"amplitude": 0.01, "frequency": 20.0, "phase": 0.0}
+    host = with_axes(machine, x={"effects": (Effect("floor_vibration", figures),)})
     events = []
     request = request_for(host, tmp_path / "run", host=HostSettings(mode=mode))
     result = execute(request, Listener(event=events.append))

@@ -5,7 +5,6 @@ from datetime import UTC, datetime
 from stagectl.store import BusLog
 
 STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
-Frame = tuple[int, int, bytes]
 ONE = (0, 0x201, b"\x01")
 
 

@@ -109,7 +109,6 @@ def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path):
     """The tap sees a quick stop before the bus does: it must not raise."""
     with full_after(10):
         log = logged(tmp_path, *[ONE] * 20_000)  # many times the buffer
-    assert log.failure is not None
     assert f"bus.frames: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
 
@@ -117,7 +116,6 @@ def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path):
 def test_a_full_disk_at_the_end_keeps_the_spool_only(tmp_path):
     with full_after(64):
         log = logged(tmp_path, ONE)
-    assert log.failure is not None
     assert f"bus.asc: cannot write: {REASON}" in log.failure
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
     assert recover_log(tmp_path) == tmp_path / "bus.asc"

@@ -55,12 +55,10 @@ def test_the_notes_of_a_run_in_progress_are_read_only_when_asked_for(tmp_path):
     with pytest.raises(StagectlError, match="in progress"):
         read_journal_notes(journal.path)
     notes = read_journal_notes(journal.path, locked=False)
-    assert notes is not None
     assert (notes.outcome, notes.fault, notes.recipe) == ("killed", None, HEADER.recipe)
     assert [event["number"] for event in notes.events] == [0, 5]
     journal.finish("fault", "axis x: following error")
     ended = read_journal_notes(journal.path)
-    assert ended is not None
     assert (ended.outcome, ended.fault) == ("fault", "axis x: following error")
     assert journal.path.exists()
 

@@ -41,19 +41,18 @@ def test_a_finished_run_becomes_a_recording(tmp_path):
     np.testing.assert_allclose(y.position_demand, np.arange(30) * 2e-8, rtol=1e-15)
     assert set(x.force_offset) == {25 * 0.04}
     assert set(x.force_actual) == {-26 * 0.04}
-    assert y.statusword is not None
     assert set(y.statusword) == {0x1237}
     assert list(np.flatnonzero(~y.valid)) == [9, 19, 29]
     assert recording.moves == (move("macro", 3, 12), move("micro", 20, 25))
     assert (recording.machine, recording.recipe) == (HEADER.machine, HEADER.recipe)
     ledger = read_ledger(recovered.path)
-    assert ledger is not None
     assert (ledger.missed, ledger.late_cycles, ledger.late_in_a_row) == (3, 1, 1)
+    assert list(np.flatnonzero(ledger.missed_per_cycle)) == [9, 19, 29]
+    assert list(np.flatnonzero(np.isnan(ledger.arrival["y"]))) == [9, 19, 29]
+    assert set(ledger.arrival["x"]) == {2e-4}
     assert list(np.flatnonzero(ledger.doubled_per_cycle)) == [5, 9]
     assert list(np.flatnonzero(ledger.tardy_per_cycle)) == [9]
-    assert ledger.sync is not None
     np.testing.assert_allclose(ledger.sync, 1e-8 * np.arange(30), rtol=1e-15)
-    assert ledger.doubt is not None
     assert list(np.flatnonzero(np.isnan(ledger.doubt))) == [5]
     assert (ledger.doubled, ledger.tardy) == (2, 1)
     with h5py.File(recovered.path) as file:
@@ -85,7 +84,6 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path):
         text=True,
         cwd=Path(__file__).parents[4],
     )
-    assert process.stdout is not None
     reported = [int(process.stdout.readline()) for _ in range(3)]
     with pytest.raises(StagectlError, match="in progress"):
         recover_left_over(tmp_path)  # never takes the journal of a living run
@@ -93,8 +91,6 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path):
     rest, _ = process.communicate()
     reported += [int(line) for line in rest.split()]
     recovered = recover_left_over(tmp_path)
-    assert recovered is not None
-    assert recovered.path is not None
     assert len(read_recording(recovered.path)) >= reported[-1]
     assert str(recovered.path) in recovered.describe()
     assert recover_left_over(tmp_path) is None
@@ -126,7 +122,6 @@ def test_the_recording_of_another_run_is_kept(tmp_path):
     third = written(tmp_path, 9)
     third.close()
     aside = recover_left_over(tmp_path, aside=True)
-    assert aside is not None
     assert aside.path == tmp_path / "recording-recovered.h5"
 
 
@@ -179,7 +174,6 @@ def test_a_ledger_without_an_axis_is_refused(tmp_path, lost):
     journal = written(tmp_path)
     journal.close()
     path = recover_journal(journal.path).path
-    assert path is not None
     with h5py.File(path, "a") as file:
         del file[lost]
     with pytest.raises(UnusableInput, match=f"{lost}: missing"):

@@ -109,6 +109,7 @@ Y = "axes/y/position_actual"
         (put(Y, np.zeros(49)), f"/{Y}: 49 samples, /time"),
         (said("unit", "mm", Y), f"/{Y}: attribute unit is 'mm', must be 'm'"),
         (put("axes/y/force_actual", np.where(np.arange(50) == 7, np.nan, 0)), "sample 7: is nan"),
+        (put(Y, np.zeros(50, "S3")), f"/{Y}: holds |S3"),
         (put("axes/y/valid", np.zeros(50)), "/axes/y/valid: holds float64"),
         (lambda file: file.move("axes/x", "axes/x\x1b"), "the control character U+001B"),
         (said("format", "something-else"), "attribute format"),

@@ -19,6 +19,7 @@ def test_blocks_are_the_whole_in_parts():
     assert len(parts) == len(blocks) == 10
     assert blocks.samples == sum(map(len, parts)) == len(whole)
     assert max(map(len, parts)) <= 1500
+    assert all(part.moves[0].start == 0 for part in parts[1:]), "a block begins with a move"
     for name, signals in whole.axes.items():
         for field in ("position_demand", "force_offset", "position_actual", "force_actual"):
             joined = np.concatenate([getattr(part.axes[name], field) for part in parts])
@@ -31,11 +32,6 @@ def test_blocks_are_the_whole_in_parts():
         for move in part.moves
     ]
     assert moves == [(move.start, move.end, move.target) for move in whole.moves]
-
-
-def test_blocks_begin_with_a_move_where_one_begins_near():
-    parts = list(RecordingBlocks(SOURCE, 1000))
-    assert all(part.moves[0].start == 0 for part in parts[1:])
 
 
 def test_moves_longer_than_a_block_are_listed_once():

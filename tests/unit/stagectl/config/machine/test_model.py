@@ -6,6 +6,7 @@ import pytest
 
 from stagectl.config import load_machine, parse_machine
 from stagectl.errors import ConfigError
+from tests.unit.stagectl.machines import with_effects
 
 GOOD = load_machine().text
 
@@ -24,20 +25,16 @@ def test_a_machine_survives_pickling():
     assert (again, again.text) == (machine, machine.text)
 
 
-def machine_with(effect):
-    text = load_machine().text.replace("node: 1", f"node: 1\n    effects: [{effect}]", 1)
-    return parse_machine(text, "m")
-
-
 @pytest.mark.parametrize(
     ("effect", "figures"),
     [
-        ("{effect: cogging, amplitude: 1.2, phase: 0}", {"amplitude": 1.2, "phase": 0.0}),
-        ("{effect: cogging, force: [1, -2.5]}", {"force": (1.0, -2.5)}),
+        ("amplitude: 1.2, phase: 0", {"amplitude": 1.2, "phase": 0.0}),
+        ("force: [1, -2.5]", {"force": (1.0, -2.5)}),
     ],
 )
 def test_effects_are_kept_as_names_and_figures(effect, figures):
-    assert machine_with(effect).axes["x"].effects == (("cogging", figures),)
+    machine = with_effects(f"effect: cogging, {effect}")
+    assert machine.axes["x"].effects == (("cogging", figures),)
 
 
 @pytest.mark.parametrize(
@@ -52,7 +49,8 @@ def test_effects_are_kept_as_names_and_figures(effect, figures):
     ],
 )
 def test_anything_else_is_refused_with_its_place(effect, problem):
+    text = GOOD.replace("node: 1", f"node: 1\n    effects: [{effect}]", 1)
     with pytest.raises(ConfigError) as refused:
-        machine_with(effect)
+        parse_machine(text, "m")
     assert str(refused.value).startswith("m:12:")
     assert str(refused.value).endswith(f"axes.x.effects[1]: {problem}")

@@ -36,6 +36,11 @@ GOOD = load_machine().text
         ("enable_timeout: ^0", ".drive.enable_timeout: must be > 0, is 0"),
         ("boot_timeout: ^1 um", ".drive.boot_timeout: must be a time"),
         ("revision: ^65536", ".drive.revision: must be"),
+        (
+            "options: {quick_stop: ^4}",
+            ".drive.options.quick_stop: must be 0, 1, 2, 3, 5, 6, 7 or 8",
+        ),
+        ("options: {abort_connection: ^0}", ".drive.options.abort_connection: must be 1, 2 or 3,"),
         ("effects: ^cogging", ".effects: must be a list, is 'cogging'"),
     ],
 )

@@ -51,6 +51,8 @@ def problems(text):
         ('"true"', "true"),
         ("nan", "nan"),
         ("<<", "<<"),
+        ('"\u00b5-\u30b9\u30c6\u30fc\u30b8"', "\u00b5-\u30b9\u30c6\u30fc\u30b8"),
+        ('"10\u00a0nm"', "10\u00a0nm"),
     ],
 )
 def test_scalars_follow_yaml_1_2(text, expected):
@@ -84,6 +86,10 @@ def test_every_finite_float_survives_its_own_text(number):
         ("", "f.yaml:1:1: is empty"),
         ("# nothing\n", "f.yaml:1:1: is empty"),
         ("a: \x01", "f.yaml:1:4: not a text file: it holds control characters"),
+        ('a: "stage\\0"', "f.yaml:1:4: a: holds the control character U+0000"),
+        ('a: "\\e[31mred"', "f.yaml:1:4: a: holds the control character U+001B"),
+        ('a: "\\u202Eesrever"', "f.yaml:1:4: a: holds the control character U+202E"),
+        ("a: |\n  two\n  lines", "f.yaml:1:4: a: holds the control character U+000A"),
     ],
 )
 def test_what_is_refused_and_where(text, line):
@@ -120,7 +126,7 @@ def test_deep_nesting_is_refused_without_following_it(text):
 
 
 def test_the_number_of_values_is_bounded():
-    (line,) = problems("a: [" + "1," * 200_001 + "]")
+    (line,) = problems("a:\n" + "-\n" * 200_001)
     assert "more than 200000 values" in line
 
 
@@ -176,26 +182,7 @@ def test_random_bytes_are_a_document_or_a_problem():
     assert refused > 50
 
 
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ('"stage\\0"', "U+0000"),
-        ('"\\e[31mred"', "U+001B"),
-        ('"two\\nlines"', "U+000A"),
-        ('"\\u202Eesrever"', "U+202E"),
-        ("|\n  two\n  lines", "U+000A"),
-    ],
-)
-def test_a_text_with_a_control_character_is_refused(text, code):
-    assert problems(f"a: {text}") == (f"f.yaml:1:4: a: holds the control character {code}",)
-
-
 def test_a_key_with_a_control_character_is_refused():
     (problem,) = problems('"a\\e": 1')
     assert problem.endswith("holds the control character U+001B")
     assert problem.isprintable()
-
-
-@pytest.mark.parametrize("text", ["\u00b5-stage", "\u30b9\u30c6\u30fc\u30b8", "10\u00a0nm"])
-def test_other_characters_of_any_language_are_accepted(text):
-    assert value(f'"{text}"') == text

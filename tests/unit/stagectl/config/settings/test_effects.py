@@ -2,16 +2,13 @@
 
 import pytest
 
-from stagectl.config import load_machine, parse_machine, stage_settings
-
-
-def with_effect(text):
-    return load_machine().text.replace("node: 1", f"node: 1\n    effects: [{text}]", 1)
+from stagectl.config import stage_settings
+from tests.unit.stagectl.machines import with_effects
 
 
 def test_effects_reach_the_simulator():
-    text = with_effect("{effect: force_offset, force: 1}, {effect: dead_time, delay: 0.0002}")
-    x, y = stage_settings(parse_machine(text, "m")).axes
+    machine = with_effects("effect: force_offset, force: 1", "effect: dead_time, delay: 0.0002")
+    x, y = stage_settings(machine).axes
     assert [(e.effect.name, e.parameters) for e in x.effects] == [
         ("force_offset", {"force": 1.0}),
         ("dead_time", {"delay": 0.0002}),

@@ -4,9 +4,10 @@ import pytest
 
 from estimation.known_effects import KnownTerms
 from hil_sim.effects.library import own_effects
-from stagectl.config import load_machine, parse_machine, stage_settings
+from stagectl.config import load_machine, stage_settings
 from stagectl.config.settings.known_effects import axis_as_known, known_effects, known_terms
 from stagectl.errors import ConfigError
+from tests.unit.stagectl.machines import with_effects
 
 PACKAGE = '''
 from hil_sim.effects import Compensation, Effect, Parameter
@@ -43,11 +44,7 @@ def inverse(terms, values):
 
 
 def machine(*effects):
-    lines = "".join(f"      - {{{effect}}}\n" for effect in effects)
-    text = load_machine().text.replace(
-        "    node: 2\n", f"    node: 2\n    rotary: true\n    effects:\n{lines}", 1
-    )
-    return parse_machine(text, "m.yaml")
+    return with_effects(*effects, node=2, more="    rotary: true\n")
 
 
 @pytest.fixture

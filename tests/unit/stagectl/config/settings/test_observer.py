@@ -7,16 +7,11 @@ from stagectl.config.machine import Effect
 from stagectl.config.machine.drive import Cascade
 from stagectl.config.settings.observer import design_observers, observer_figures
 from stagectl.errors import ConfigError
-
-
-def altered(machine, name, **changes):
-    axes = dict(machine.axes)
-    axes[name] = axes[name].model_copy(update=changes)
-    return machine.model_copy(update={"axes": axes})
+from tests.unit.stagectl.machines import with_axes
 
 
 def figures(machine, *effects):
-    axis = altered(machine, "x", effects=effects).axes["x"]
+    axis = with_axes(machine, x={"effects": effects}).axes["x"]
     return observer_figures(axis, axis.plant.friction.figures, 1e-3)
 
 
@@ -60,20 +55,20 @@ def test_effects_of_the_hosts_file_change_the_loop(machine):
 def test_the_gain_heeds_them(machine):
     resonance = Effect("resonance", {"frequency": 110.0, "damping": 0.02, "mass_ratio": 0.2})
     plain = design_observers(machine)
-    shaken = design_observers(altered(machine, "x", effects=(resonance,)))
+    shaken = design_observers(with_axes(machine, x={"effects": (resonance,)}))
     assert shaken["x"].gain < plain["x"].gain
     assert shaken["y"] == plain["y"]
 
 
 def test_effects_that_cannot_be_are_refused(machine):
+    wrong = with_axes(machine, x={"effects": (Effect("dead_time", {"deley": 1e-3}),)})
     with pytest.raises(ConfigError, match="dead_time"):
-        design_observers(altered(machine, "x", effects=(Effect("dead_time", {"deley": 1e-3}),)))
+        design_observers(wrong)
 
 
 def test_axes_without_an_observer_say_why(machine):
     cascade = Cascade(position_gain=60.0, velocity_gain=1000.0)
-    drive = machine.axes["x"].drive.model_copy(update={"pid": None, "cascade": cascade})
-    assert "cascade" in design_observers(altered(machine, "x", drive=drive))["x"]
-    off = design_observers(altered(machine, "y", observer="none"))
+    drive = {"pid": None, "cascade": cascade}
+    off = design_observers(with_axes(machine, x={"drive": drive}, y={"observer": "none"}))
+    assert "cascade" in off["x"]
     assert off["y"] == "switched off in the machine file"
-    assert not isinstance(off["x"], str)

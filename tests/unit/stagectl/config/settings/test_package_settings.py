@@ -70,11 +70,8 @@ def test_driver_settings_hold_bus_limits_and_homing():
 
 
 def test_units_that_are_not_written_are_a_default_and_no_knowledge():
-    text = load_machine().text.replace(
-        "rated_force: 40.0",
-        "rated_force: 40.0\n      position_unit: 5 nm\n      acceleration_unit: 1e-3",
-        1,
-    )
+    units = "position_unit: 5 nm\n      acceleration_unit: 1e-3"
+    text = load_machine().text.replace("rated_force: 40", f"{units}\n      rated_force: 40", 1)
     machine = parse_machine(text, "m.yaml")
     _, (x, y) = driver_settings(machine)
     assert (x.velocity_unit, x.acceleration_unit) == (0.0, 1e-3)

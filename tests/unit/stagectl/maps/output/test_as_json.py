@@ -8,22 +8,17 @@ from stagectl.history import Activation
 from stagectl.maps import compare, version_as_json
 from stagectl.maps.applicable import Problem
 from stagectl.maps.output.as_json import activation_as_json, changes_as_json, versions_as_json
-from tests.unit.stagectl.maps.conftest import (
-    BEGIN,
-    GRID,
-    STAGE,
-    level,
-)
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, level
 
 
 def through_json(value):
     return json.loads(json.dumps(value, allow_nan=False))
 
 
-def test_every_answer_names_its_format_and_stage(versions):
-    first, second = versions
+def test_every_answer_names_its_format_and_stage(mapped):
+    first, second = mapped.first, mapped.second
     for said in (
-        version_as_json(first), versions_as_json(STAGE, versions, []),
+        version_as_json(first), versions_as_json(STAGE, [first], []),
         changes_as_json(STAGE, 1, 2, compare(first.map, second.map)),
         activation_as_json(STAGE, 2, [], "activated"),
     ):  # fmt: skip
@@ -32,19 +27,20 @@ def test_every_answer_names_its_format_and_stage(versions):
         assert (found["machine"], found["simulated"]) == ("wafer-xy", True)
 
 
-def test_a_version_has_its_sites_and_on_request_a_place(versions):
-    found = through_json(version_as_json(versions[0], GRID[3]))
+def test_a_version_has_its_sites_and_on_request_a_place(mapped):
+    found = through_json(version_as_json(mapped.first, GRID[3]))
     for name, axis in found["axes"].items():
         assert len(axis["sites"]) == len(GRID)
         at = axis["at"]
         assert at["low"] < at["coulomb"] < at["high"]
         assert at["coulomb"] == pytest.approx(level(name, GRID[3]), rel=0.05)
         assert at["inside"] is True
-    assert "at" not in through_json(version_as_json(versions[0]))["axes"]["x"]
+    assert "at" not in through_json(version_as_json(mapped.first))["axes"]["x"]
 
 
-def test_changes_are_listed_with_the_largest_first(versions):
-    found = through_json(changes_as_json(STAGE, 1, 2, compare(versions[0].map, versions[1].map)))
+def test_changes_are_listed_with_the_largest_first(mapped):
+    changes = compare(mapped.first.map, mapped.second.map)
+    found = through_json(changes_as_json(STAGE, 1, 2, changes))
     assert (found["old"], found["new"]) == (1, 2)
     for axis in found["axes"].values():
         sizes = [abs(site["change"]) for site in axis["sites"]]
@@ -53,9 +49,9 @@ def test_changes_are_listed_with_the_largest_first(versions):
         assert axis["sites"][0]["significant"] is True
 
 
-def test_versions_and_their_use(versions):
+def test_versions_and_their_use(mapped):
     used = [Activation(1, BEGIN, "activated"), Activation(None, BEGIN + 1.0, "rolled back")]
-    found = through_json(versions_as_json(STAGE, versions, used))
+    found = through_json(versions_as_json(STAGE, [mapped.first] * 2, used))
     assert [entry["sites"] for entry in found["maps"]] == [{"x": 25, "y": 25}] * 2
     assert [entry["map"] for entry in found["used"]] == [1, None]
 

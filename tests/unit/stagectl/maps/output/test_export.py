@@ -6,7 +6,6 @@ import re
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.history import EstimateRecord, RunEntry
 from stagectl.maps import MapVersion
 from stagectl.maps.output.export import (
     Table,
@@ -17,7 +16,8 @@ from stagectl.maps.output.export import (
     write_table,
 )
 from stagectl.maps.output.page import render_map
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
+from tests.unit.stagectl.maps.conftest import GRID, calibrate, keep
+from tests.unit.stagectl.rows import BEGIN, STAGE, estimate_record, run_entry
 
 
 def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
@@ -33,15 +33,9 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     assert len(estimates.rows) == 208
     assert {row[estimates.columns.index("purpose")] for row in estimates.rows} == {"calibration"}
     assert refused_table(history, STAGE).rows == []
-    number = history.start_run(
-        RunEntry(STAGE, ("x", "y"), BEGIN + 900, "r", "L7", "W3", "stagectl", "f")
-    )
-    history.add(
-        [
-            EstimateRecord(number, "y", "macro", 3, GRID[0], BEGIN + 901, 0.02, False,
-                           "coulomb jumps by -16 %", {"coulomb": 6.0}, (0.01,))
-        ]
-    )  # fmt: skip
+    number = history.start_run(run_entry(started=BEGIN + 900, lot="L7", wafer="W3"))
+    jumps = {"accepted": False, "reason": "coulomb jumps by -16 %"}
+    history.add([estimate_record(number, axis="y", place=GRID[0], **jumps)])
     refused = refused_table(history, STAGE)
     (row,) = (dict(zip(refused.columns, row, strict=True)) for row in refused.rows)
     assert (row["axis"], row["lot"], row["wafer"]) == ("y", "L7", "W3")

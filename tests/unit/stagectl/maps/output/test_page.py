@@ -18,8 +18,8 @@ def scale(picture):
     return float(numbers[0]), float(numbers[2])
 
 
-def test_maps_that_are_compared_have_one_scale(warmer):
-    first, second = warmer
+def test_maps_that_are_compared_have_one_scale(mapped):
+    first, second = mapped.first, mapped.second
     drawn = draw_maps(second, first)
     for name, axis in second.map.axes.items():
         now, before, _ = drawn[name]

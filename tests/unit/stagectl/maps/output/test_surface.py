@@ -7,13 +7,14 @@ from stagectl.maps import changes_sections, compare, map_outline, version_as_jso
 from stagectl.maps.output.page import render_map
 from stagectl.maps.output.surface import surface
 from stagectl.report import print_outline, print_sections
-from tests.unit.stagectl.maps.conftest import STAGE, printed
+from tests.unit.stagectl.maps.conftest import STAGE
+from tests.unit.stagectl.printed import printed
 
 
-def test_known_to_is_one_figure_on_terminal_page_and_json(history, warmer):
-    first, second = warmer
-    page = render_map(history, STAGE, second, first)
-    text = printed(print_outline(map_outline(history, STAGE, second, first)))
+def test_terminal_page_and_json_say_the_same(mapped):
+    first, second = mapped.first, mapped.second
+    page = render_map(mapped.history, STAGE, second, first)
+    text = printed(print_outline(map_outline(mapped.history, STAGE, second, first)))
     told = version_as_json(second)["axes"]
     for name, axis in second.map.axes.items():
         known = surface(axis).known_to
@@ -22,11 +23,6 @@ def test_known_to_is_one_figure_on_terminal_page_and_json(history, warmer):
         assert told[name]["known_to"] == pytest.approx(known)
         # Between the sites less is known than at them.
         assert known > np.median([site.sigma for site in axis.sites])
-
-
-def test_lists_that_are_cut_say_how_many_more(history, warmer):
-    first, second = warmer
-    page = render_map(history, STAGE, second, first)
-    text = printed(print_sections(changes_sections(1, compare(first.map, second.map)).values()))
-    for told in (page, text):
-        assert told.count("and 15 more, changed less") == 2  # of 25 sites, 10 are listed
+    changes = changes_sections(1, compare(first.map, second.map)).values()
+    for listed in (page, printed(print_sections(changes))):
+        assert listed.count("and 15 more, changed less") == 2  # of 25 sites, 10 are listed

@@ -7,24 +7,13 @@ import h5py
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.run import (
-    HostSettings,
-    Listener,
-    document_paths,
-    execute,
-    is_calibration,
-    rewrite_documents,
-)
-from stagectl.sequencer import Mode
-from tests.unit.stagectl.run.whole import request_for
+from stagectl.run import document_paths, is_calibration, rewrite_documents
 
 
 @pytest.fixture
-def made(machine, tmp_path):
-    """The recording of a run of one site."""
-    host = HostSettings(mode=Mode.NONE)
-    execute(request_for(machine, tmp_path / "run", host=host), Listener())
-    return tmp_path / "run" / "recording.h5"
+def made(logged):
+    """The recording of a run."""
+    return logged / "recording.h5"
 
 
 @pytest.mark.parametrize(
@@ -33,10 +22,7 @@ def made(machine, tmp_path):
 )
 def test_documents_are_named_after_their_recording(recording, suffix):
     summary, report = document_paths(Path("run", f"{recording}.h5"))
-    assert (summary, report) == (
-        Path(f"run/summary{suffix}.json"),
-        Path(f"run/report{suffix}.html"),
-    )
+    assert (str(summary), str(report)) == (f"run/summary{suffix}.json", f"run/report{suffix}.html")
 
 
 def test_they_are_the_same_again(made):

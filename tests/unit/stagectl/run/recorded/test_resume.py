@@ -3,6 +3,7 @@
 import os
 import signal
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -115,14 +116,10 @@ def test_nothing_is_taken_from_a_run_that_still_goes_on(go, sites, tmp_path):
         assert amid.wait(200)
         before = {path.name: path.read_bytes() for path in folder.iterdir()}
         assert {"recording.journal", "bus.frames"} <= set(before)
-        for take in (
-            lambda: load_interrupted(folder, sites),
-            lambda: replay(folder),
-            lambda: recover_folder(folder),
-            lambda: recover_log(folder),
-        ):
+        resume = partial(load_interrupted, recipe=sites)
+        for take in (resume, replay, recover_folder, recover_log):
             with pytest.raises(StagectlError, match=r"recording\.journal: .* in progress"):
-                take()
+                take(folder)
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     finally:
         looked.set()

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from stagectl.errors import UnusableInput
-from stagectl.run import Listener, execute
+from stagectl.run import execute
 from stagectl.run.recorded.documents import read_run
 from stagectl.run.recorded.summarise import run_note, site_verdicts, summarise
 from stagectl.sequencer import SegmentDone, SiteVerdict
 from tests.short_recipe import short_recipe
-from tests.unit.stagectl.run.whole import request_for
+from tests.unit.stagectl.run.whole import request_for, stopping_at
 
 PLACES = ((0.004, 0.0), (0.008, 0.0), (0.004, 0.004))
 
@@ -22,14 +22,7 @@ def stopped(machine, tmp_path_factory):
     """Notes and recording of a run of three sites, stopped when two were done."""
     folder = tmp_path_factory.mktemp("stopped")
     text = short_recipe(*PLACES) + "limits: {settling: 10 s}\n"
-    stops = []
-
-    def event(happened):
-        if isinstance(happened, SegmentDone) and happened.number == 2:
-            stops[0]("stopped by the operator")
-
-    request = request_for(machine, folder / "run", text)
-    execute(request, Listener(event=event, stoppable=stops.append))
+    execute(request_for(machine, folder / "run", text), stopping_at(SegmentDone, 2))
     path = folder / "run" / "recording.h5"
     return (*read_run(path), path)
 
@@ -88,6 +81,7 @@ def test_only_completed_sites_are_judged(stopped):
     limits = summary_of(stopped)["limits"]
     assert (limits["verdict"], limits["passed"], limits["failed"]) == ("incomplete", 2, 0)
     assert [site["site"] for site in limits["sites"]] == [1, 2]
+    assert site_verdicts(summary_of(stopped)) == (SiteVerdict(1, ()), SiteVerdict(2, ()))
 
 
 def test_verdicts_of_the_run_before_complete_those_of_this_one(stopped):
@@ -105,10 +99,6 @@ def test_a_recipe_without_limits_gets_no_verdict(stopped):
     none = {"settling": None, "peak_error": None, "window": 5e-8}
     assert "limits" not in summary_of(stopped, changing("run", limits=none))
     assert site_verdicts({}) == ()
-
-
-def test_verdicts_are_read_back(stopped):
-    assert site_verdicts(summary_of(stopped)) == (SiteVerdict(1, ()), SiteVerdict(2, ()))
 
 
 def test_an_interrupted_run_says_why_where_and_how_to_continue(stopped):
@@ -139,10 +129,9 @@ def test_a_site_that_has_begun_is_where_the_run_was(stopped):
 
 def test_other_recordings_are_refused_in_one_line(stopped):
     notes, path = stopped[0], Path("a.h5")
-    with pytest.raises(UnusableInput, match=r"^a\.h5: does not say how it was run"):
-        run_note(replace(notes, events=()), path)
-    with pytest.raises(UnusableInput, match=r"^a\.h5: does not say how it was run"):
-        run_note(replace(notes, events=({"event": "run"},)), path)
+    for events in ((), ({"event": "run"},)):
+        with pytest.raises(UnusableInput, match=r"^a\.h5: does not say how it was run"):
+            run_note(replace(notes, events=events), path)
     assert run_note(notes, path)["unit"] == "site"
 
 

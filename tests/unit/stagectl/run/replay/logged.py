@@ -11,14 +11,9 @@ RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
 
 
 def run(machine, folder, *faults, listener=None, retries=0):
-    request = request_for(
-        machine,
-        folder,
-        RECIPE,
-        simulated=SimulatedStage(machine, faults=f.FaultPlan(tuple(faults), 1)),
-        host=HostSettings(friction_scale=0.5),
-        retries=retries,
-    )
+    stage = SimulatedStage(machine, faults=f.FaultPlan(tuple(faults), 1))
+    options = {"host": HostSettings(friction_scale=0.5), "retries": retries}
+    request = request_for(machine, folder, RECIPE, simulated=stage, **options)
     return execute(request, listener or Listener())
 
 

@@ -1,9 +1,5 @@
 """The bus of a replay: what it hands over, what it compares, and how much of the log it holds."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import can
 import pytest
 
@@ -13,11 +9,11 @@ from stagectl.store import LoggedFrame
 MS = 1_000_000
 
 
-def frame(time_ns: int, sent: bool, can_id: int, data: bytes = b"\x01") -> LoggedFrame:
+def frame(time_ns, sent, can_id, data=b"\x01"):
     return LoggedFrame(time_ns, sent, can_id, data)
 
 
-def message(can_id: int, data: bytes = b"\x01") -> can.Message:
+def message(can_id, data=b"\x01"):
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
@@ -28,33 +24,16 @@ LOG = [
 
 
 @pytest.fixture
-def buses() -> Iterator[list[ReplayBus]]:
-    made: list[ReplayBus] = []
+def buses():
+    made = []
     yield made
     for bus in made:
         bus.shutdown()
 
 
-def replayed(buses: list[ReplayBus], frames: list[LoggedFrame], complete: bool = True) -> ReplayBus:
+def replayed(buses, frames, complete=True):
     buses.append(ReplayBus(iter(frames), len(frames), complete))
     return buses[-1]
-
-
-def test_a_frame_comes_after_what_was_sent_before_it_and_at_its_time(
-    buses: list[ReplayBus],
-) -> None:
-    bus = replayed(buses, LOG)
-    assert bus.recv(0.0) is None  # the host has not sent anything yet
-    bus.send(message(0x201))
-    bus.send(message(0x080, b""))
-    assert (got := bus.recv(0.0)) is not None
-    assert got.arbitration_id == 0x181
-    bus.sleep_until_ns(1 * MS)
-    bus.send(message(0x201))
-    bus.send(message(0x080, b""))
-    assert bus.recv(0.0) is not None
-    bus.finish()
-    assert (bus.difference, bus.compared) == (None, 4)
 
 
 @pytest.mark.parametrize(
@@ -62,14 +41,11 @@ def test_a_frame_comes_after_what_was_sent_before_it_and_at_its_time(
     [(0, 0x202, b"\x01"), (0, 0x201, b"\x02"), (1000, 0x201, b"\x01")],
     ids=["id", "data", "time"],
 )
-def test_the_first_other_frame_ends_the_replay(
-    buses: list[ReplayBus], time_ns: int, can_id: int, data: bytes
-) -> None:
+def test_the_first_other_frame_ends_the_replay(buses, time_ns, can_id, data):
     bus = replayed(buses, LOG)
     bus.sleep_until_ns(time_ns)
     with pytest.raises(can.CanOperationError, match="over"):
         bus.send(message(can_id, data))
-    assert bus.difference is not None
     assert (bus.difference.number, bus.difference.recorded) == (1, LOG[0])
     assert bus.difference.sent == frame(time_ns, True, can_id, data)
     with pytest.raises(can.CanOperationError, match="over"):
@@ -77,12 +53,11 @@ def test_the_first_other_frame_ends_the_replay(
 
 
 def test_frames_left_over_are_a_difference_unless_the_run_was_killed(
-    buses: list[ReplayBus],
-) -> None:
+    buses,
+):
     bus = replayed(buses, LOG)
     bus.send(message(0x201))
     bus.finish()
-    assert bus.difference is not None
     assert (bus.difference.number, bus.difference.sent) == (2, None)
     killed = replayed(buses, LOG[:1], complete=False)
     killed.send(message(0x201))
@@ -91,33 +66,18 @@ def test_frames_left_over_are_a_difference_unless_the_run_was_killed(
     assert killed.difference is None
 
 
-def test_a_frame_beyond_the_log_of_a_complete_run_is_a_difference(buses: list[ReplayBus]) -> None:
+def test_a_frame_beyond_the_log_of_a_complete_run_is_a_difference(buses):
     bus = replayed(buses, LOG[:1])
     bus.send(message(0x201))
     with pytest.raises(can.CanOperationError):
         bus.send(message(0x080, b""))
-    assert bus.difference is not None
     assert (bus.difference.number, bus.difference.recorded) == (2, None)
 
 
-def test_a_bus_failure_of_then_is_one_now(buses: list[ReplayBus]) -> None:
-    bus = replayed(buses, [LOG[0], frame(0, False, -1, b""), *LOG[1:]])
-    with pytest.raises(can.CanOperationError, match="the bus failed here"):
-        bus.send(message(0x201))
-    bus.send(message(0x080, b""))
-    assert bus.recv(0.0) is not None
-
-
-def test_waiting_for_nothing_passes_the_time(buses: list[ReplayBus]) -> None:
-    bus = replayed(buses, LOG)
-    assert bus.recv(0.002) is None
-    assert bus.clock.now_ns() == 2 * MS
-
-
-def test_a_long_log_is_read_as_the_replay_proceeds(buses: list[ReplayBus]) -> None:
+def test_a_long_log_is_read_as_the_replay_proceeds(buses):
     ahead, taken, cycles = 0, 0, 5000
 
-    def log() -> Iterator[LoggedFrame]:
+    def log():
         nonlocal taken
         for cycle in range(cycles):
             taken += 2

@@ -1,7 +1,6 @@
 """The host run again on its own log."""
 
 import json
-import shutil
 import time
 from datetime import UTC, datetime
 
@@ -19,40 +18,26 @@ from stagectl.run.replay import replay
 from stagectl.sequencer import MoveStarted
 from stagectl.store import BusLog, read_log
 from tests.unit.stagectl.run.replay.logged import RECIPE, run
-from tests.unit.stagectl.run.whole import request_for
+from tests.unit.stagectl.run.whole import request_for, stopping_at
 
 
-@pytest.fixture(scope="module")
-def made(machine, tmp_path_factory):
-    """The folder of a run without faults."""
-    folder = tmp_path_factory.mktemp("made") / "run"
-    assert run(machine, folder).summary["outcome"] == "completed"
-    return folder
-
-
-@pytest.fixture
-def folder(made, tmp_path):
-    """A copy of it, to be changed."""
-    return shutil.copytree(made, tmp_path / "run")
-
-
-def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
-    seal = read_log(folder / "bus.asc").digest
-    frames = list(read_log(folder / "bus.asc").frames())
-    (folder / "bus.asc").unlink()
-    with BusLog(folder / "bus.asc", datetime.now(UTC), part_frames=len(frames) // 2) as log:
+def test_a_log_in_parts_is_replayed_like_one_file(logged, tmp_path):
+    seal = read_log(logged / "bus.asc").digest
+    frames = list(read_log(logged / "bus.asc").frames())
+    (logged / "bus.asc").unlink()
+    with BusLog(logged / "bus.asc", datetime.now(UTC), part_frames=len(frames) // 2) as log:
         for number, frame in enumerate(frames):
             log.tap(frame.time_ns, frame.can_id, frame.data)
-            while number == len(frames) // 4 and not (folder / "bus-002.frames").exists():
+            while number == len(frames) // 4 and not (logged / "bus-002.frames").exists():
                 time.sleep(0.001)
-    assert not (folder / "bus.asc").exists()
-    result = replay(folder)
+    assert not (logged / "bus.asc").exists()
+    result = replay(logged)
     assert (result.difference, result.sealed, result.digest) == (None, True, seal)
 
 
 @pytest.mark.parametrize("kept", [0.6, 1.0], ids=["shorter", "another digit"])
-def test_a_log_that_changes_during_the_replay_is_refused(folder, kept):
-    log = folder / "bus.asc"
+def test_a_log_that_changes_during_the_replay_is_refused(logged, kept):
+    log = logged / "bus.asc"
 
     def change(_):
         lines = log.read_text().splitlines(keepends=True)
@@ -62,7 +47,7 @@ def test_a_log_that_changes_during_the_replay_is_refused(folder, kept):
         log.write_text("".join(lines))
 
     with pytest.raises(UnusableInput, match=r"bus\.asc: has changed since it was checked"):
-        replay(folder, Listener(phase=change))
+        replay(logged, Listener(phase=change))
 
 
 @pytest.mark.parametrize(
@@ -99,10 +84,8 @@ def test_a_run_by_a_map_goes_by_it_as_it_stood(machine, tmp_path):
     history.activate(stage, history.save_map(stage, begin, "", content), begin, "activated")
     history.close()
     for wafer in range(2):
-        stage_now = SimulatedStage(machine, wafer)
-        request = request_for(
-            machine, tmp_path / str(wafer), RECIPE, simulated=stage_now, history=str(where)
-        )
+        of = {"simulated": SimulatedStage(machine, wafer), "history": str(where)}
+        request = request_for(machine, tmp_path / str(wafer), RECIPE, **of)
         assert execute(request, Listener()).summary["outcome"] == "completed"
     where.unlink()
     again = replay(tmp_path / "1")
@@ -111,49 +94,39 @@ def test_a_run_by_a_map_goes_by_it_as_it_stood(machine, tmp_path):
 
 
 def test_a_stop_by_the_operator_comes_at_the_same_sample(machine, tmp_path):
-    begun = []
-
-    def event(happened):
-        begun.append(happened)
-        if sum(isinstance(e, MoveStarted) for e in begun) == 3 and ask:
-            ask.pop()("stopped by the operator")
-
-    ask = []
-    listener = Listener(event=event, stoppable=ask.append)
-    assert run(machine, tmp_path / "run", listener=listener).summary["outcome"] == "aborted"
+    result = run(machine, tmp_path / "run", listener=stopping_at(MoveStarted, 2))
+    assert result.summary["outcome"] == "aborted"
     assert replay(tmp_path / "run").difference is None
 
 
-def test_a_host_that_sends_less_or_more(folder):
-    log = folder / "bus.asc"
+def test_a_host_that_sends_less_or_more(logged):
+    log = logged / "bus.asc"
     whole = log.read_text()
-    log.write_text(
-        whole.replace("End TriggerBlock", " 999.000000 1  80  Tx   d 0\nEnd TriggerBlock")
-    )
-    less = replay(folder).difference
-    assert less.sent is None
-    assert less.recorded.can_id == 0x80
+    more = " 999.000000 1  80  Tx   d 0\n"
+    log.write_text(whole.replace("End TriggerBlock", f"{more}End TriggerBlock"))
+    less = replay(logged).difference
+    assert (less.sent, less.recorded.can_id) == (None, 0x80)
     lines = whole.splitlines(keepends=True)
     log.write_text("".join(lines[:3000]))
-    more = replay(folder)
+    more = replay(logged)
     assert more.sealed is False  # the recording knows the digest
     assert more.difference.recorded is None
 
 
-def test_unusable_runs(folder, tmp_path):
+def test_unusable_runs(logged, tmp_path):
     with pytest.raises(UnusableInput, match="no such folder"):
         replay(tmp_path / "nobody")
     (tmp_path / "empty").mkdir()
     with pytest.raises(UnusableInput, match="holds no recording"):
         replay(tmp_path / "empty")
-    log = folder / "bus.asc"
+    log = logged / "bus.asc"
     text = log.read_text()
     log.write_text(text.replace(" d 8 ", " d 7 ", 1))
     with pytest.raises(UnusableInput, match=r"bus\.asc:\d+: states 7 bytes, has 8"):
-        replay(folder)
+        replay(logged)
     log.unlink()
     with pytest.raises(UnusableInput, match=r"bus\.asc: No such file"):
-        replay(folder)
+        replay(logged)
     log.write_text(text)
     for change, reason in (
         ({"simulated": False}, "was run in real time"),
@@ -163,11 +136,11 @@ def test_unusable_runs(folder, tmp_path):
         ({"slipped": 2}, "had calibration sites inserted"),
         ({"seed": None}, "/events: damaged"),
     ):
-        with h5py.File(folder / "recording.h5", "r+") as file:
+        with h5py.File(logged / "recording.h5", "r+") as file:
             events = [json.loads(text) for text in file["events"]]
             (at,) = (n for n, event in enumerate(events) if event["event"] == "run")
             whole, file["events"][at] = file["events"][at], json.dumps({**events[at], **change})
         with pytest.raises(UnusableInput, match=reason):
-            replay(folder)
-        with h5py.File(folder / "recording.h5", "r+") as file:
+            replay(logged)
+        with h5py.File(logged / "recording.h5", "r+") as file:
             file["events"][at] = whole
