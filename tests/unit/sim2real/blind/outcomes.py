@@ -8,7 +8,6 @@ from sim2real.blind import Outcome
 from sim2real.blind.draw import Drawn
 from sim2real.blind.outcome import ReportedCause
 
-
 OVER = {"quadratic_drag": "velocity", "cogging_harmonics": "position"}
 
 
