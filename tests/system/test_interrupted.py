@@ -36,7 +36,7 @@ runpy.run_module("stagectl", run_name="__main__", alter_sys=True)
 """
 
 
-def interrupted(moment: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+def interrupted(moment, *arguments):
     return subprocess.run(
         [sys.executable, "-c", HEAD + moment + TAIL, *arguments],
         capture_output=True, text=True, check=False, timeout=100, preexec_fn=listening,

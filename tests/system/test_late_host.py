@@ -32,11 +32,11 @@ class Drowsy(World):
     121 us, 1 % above 0.5 ms, two to four stalls of some periods in a run.
     """
 
-    def __init__(self, name: str, seed: int) -> None:
+    def __init__(self, name, seed):
         super().__init__(name)
         self._random = np.random.default_rng(seed)
 
-    def sleep_until_ns(self, time_ns: int) -> None:
+    def sleep_until_ns(self, time_ns):
         late = 50.0 + 15.0 * self._random.standard_normal()
         luck = self._random.uniform()
         if luck < 0.02:

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.slow
-def test_the_readmes_first_run_from_a_wheel_in_any_folder_compiles_nothing(tmp_path: Path) -> None:
+def test_the_readmes_first_run_from_a_wheel_in_any_folder_compiles_nothing(tmp_path):
     pytest.importorskip("hatchling")
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     built, site, anywhere = (tmp_path / name for name in ("built", "site", "anywhere"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,7 @@ RUN = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]
 DEV = [*(r for extra in EXTRAS for r in extra), *GROUPS["dev"]]
 
 
-def blocks(file: str) -> Iterator[str]:
+def blocks(file):
     """Each requirement with its hashes."""
     text = (ROOT / "requirements" / file).read_text()
     for block in re.split(r"\n(?=\S)", "\n" + re.sub(r"(?m)^\s*#.*\n?", "", text)):
@@ -28,7 +27,7 @@ def blocks(file: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize(("file", "asked"), [("run.txt", RUN), ("dev.txt", RUN + DEV)])
-def test_every_requirement_is_locked_within_its_bounds(file: str, asked: list[object]) -> None:
+def test_every_requirement_is_locked_within_its_bounds(file, asked):
     locked = dict[str, list[str]]()
     for block in blocks(file):
         name, _, version = block.split(" ")[0].partition("==")
@@ -40,7 +39,7 @@ def test_every_requirement_is_locked_within_its_bounds(file: str, asked: list[ob
 
 
 @pytest.mark.parametrize("file", ["run.txt", "dev.txt", "mutants.txt"])
-def test_everything_has_hashes_and_nothing_an_address(file: str) -> None:
+def test_everything_has_hashes_and_nothing_an_address(file):
     assert "://" not in (ROOT / "requirements" / file).read_text()
     for block in blocks(file):
         assert re.match(r"[\w.\[\]-]+==\S+", block), block

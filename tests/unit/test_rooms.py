@@ -16,7 +16,7 @@ LAZY = [
 
 
 @pytest.mark.parametrize("stub", LAZY, ids=lambda stub: str(stub.parent.relative_to(ROOT)))
-def test_no_offered_name_is_that_of_a_module(stub: Path) -> None:
+def test_no_offered_name_is_that_of_a_module(stub):
     """Importing the module would put it in the name's place."""
     imports = [
         node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom)

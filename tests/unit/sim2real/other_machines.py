@@ -7,9 +7,8 @@ file that leaves nearly everything unknown.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +79,7 @@ class Machine:
     duration: float = 20.0
     seed: int = 5
 
-    def write(self, folder: Path) -> tuple[Path, Path]:
+    def write(self, folder):
         """Data and map."""
         fine = 20
         t = np.arange(int(self.duration * self.rate) * fine) / (self.rate * fine)
@@ -129,15 +128,15 @@ class Machine:
         return data, folder / "map.yaml"
 
 
-def sliding(v: F64, level: float | F64, slope: float) -> F64:
+def sliding(v, level, slope):
     """Coulomb and viscous friction [N, N s/m] of a velocity [m/s]."""
     return level * np.tanh(v / (1e-3 * np.abs(v).max())) + slope * v
 
 
-def swings(amplitudes: Sequence[float], frequencies: Sequence[float]) -> Callable[[F64], F64]:
+def swings(amplitudes, frequencies):
     """A motion without any standstill: a sum of sines, as robots are identified by."""
 
-    def motion(t: F64) -> F64:
+    def motion(t):
         ramp = np.clip(t / 1.0, 0.0, 1.0)
         ramp = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
         parts = zip(amplitudes, frequencies, strict=True)
@@ -146,10 +145,10 @@ def swings(amplitudes: Sequence[float], frequencies: Sequence[float]) -> Callabl
     return motion
 
 
-def strokes(length: float, speeds: Sequence[float], acceleration: float) -> Callable[[F64], F64]:
+def strokes(length, speeds, acceleration):
     """Strokes there and back with rests, one pair for each speed, over and over."""
 
-    def motion(t: F64) -> F64:
+    def motion(t):
         x = np.zeros_like(t)
         begin, at, number = 0.3, 0.0, 0
         while begin < t[-1]:
@@ -176,25 +175,25 @@ def strokes(length: float, speeds: Sequence[float], acceleration: float) -> Call
     return motion
 
 
-def _robot(t: F64, q: F64, v: F64, a: F64) -> F64:
+def _robot(t, q, v, a):
     return 1.2 * a + sliding(v, 4.0, 3.0) + 15.0 * np.sin(q + 0.3)
 
 
-def _belt(t: F64, x: F64, v: F64, a: F64) -> F64:
+def _belt(t, x, v, a):
     level = 20.0 * (1.0 + 0.5 * np.exp(-(((x - 0.7) / 0.06) ** 2)))
     return 12.0 * a + sliding(v, level, 18.0)
 
 
-def _screw(t: F64, x: F64, v: F64, a: F64) -> F64:
+def _screw(t, x, v, a):
     uneven = np.where(v > 0, 1.15, 0.85)
     return 80.0 * a + sliding(v, 40.0, 200.0 * uneven) + 6.0 * np.sin(2 * np.pi * x / 0.01 + 0.8)
 
 
-def _tool(t: F64, x: F64, v: F64, a: F64) -> F64:
+def _tool(t, x, v, a):
     return 300.0 * a + sliding(v, 250.0, 400.0) + 80.0
 
 
-def _actuator(t: F64, x: F64, v: F64, a: F64) -> F64:
+def _actuator(t, x, v, a):
     return 0.4 * a + sliding(v, 1.5 * (1.0 + 0.5 * np.exp(-t / 6.0)), 4.0)
 
 

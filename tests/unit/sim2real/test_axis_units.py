@@ -10,18 +10,18 @@ from hil_sim.effects.library import library
 from sim2real.audit import audit_channels
 from sim2real.axis_units import angular_unit
 from sim2real.diagnosis import diagnose, examine
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
 @pytest.fixture(scope="module")
-def turning(nominal: Nominal) -> Nominal:
+def turning(nominal):
     """The same figures on an axis y that turns."""
     recording, settings = nominal
     axes = tuple(replace(axis, rotary=axis.name == "y") for axis in settings.axes)
     return recording, replace(settings, axes=axes)
 
 
-def test_gap_places_and_causes_have_the_units_of_their_axis(turning: Nominal) -> None:
+def test_gap_places_and_causes_have_the_units_of_their_axis(turning):
     settings = turning[1]
     there = {"payload_mass": {"mass": 0.8}}
     recording = stage_with(turning, 11, y=there, x={"force_offset": {"force": 3.0}})
@@ -41,7 +41,7 @@ def test_gap_places_and_causes_have_the_units_of_their_axis(turning: Nominal) ->
     }  # fmt: skip
 
 
-def test_channels_of_an_axis_that_turns_are_not_in_metres(turning: Nominal) -> None:
+def test_channels_of_an_axis_that_turns_are_not_in_metres(turning):
     recording, settings = turning
     degrees = replace(
         recording.axes["y"], position_actual=1e3 * recording.axes["y"].position_actual
@@ -51,13 +51,13 @@ def test_channels_of_an_axis_that_turns_are_not_in_metres(turning: Nominal) -> N
     assert "y: position_actual is in mrad, not in radians" in texts
 
 
-def test_units_without_length_force_or_mass_stay() -> None:
+def test_units_without_length_force_or_mass_stay():
     assert [angular_unit(unit) for unit in ("", "Hz", "s", "rad", "N m")] == [
         "", "Hz", "s", "rad", "N m",
     ]  # fmt: skip
 
 
-def test_every_unit_of_the_library_has_an_angular_one() -> None:
+def test_every_unit_of_the_library_has_an_angular_one():
     units = {p.unit for effect in library().values() for p in effect.parameters}
     plain = {"", "Hz", "s", "rad", "N m"}
     assert all(angular_unit(unit) != unit for unit in units - plain)

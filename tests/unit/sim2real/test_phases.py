@@ -15,7 +15,7 @@ from tests.unit.sim2real.conftest import DATA
 PERIOD = 1e-3
 
 
-def ramp(length: float, acceleration: float = 2.0, cruise: int = 100, rest: int = 300):
+def ramp(length, acceleration=2.0, cruise=100, rest=300):
     """A trapezoidal move from 0 with rests before and after; velocity reaches 0.1 m/s."""
     up = np.arange(1, 51) * acceleration * PERIOD
     speed = np.concatenate((np.zeros(rest), up, np.full(cruise, up[-1]), up[::-1], np.zeros(rest)))

@@ -8,7 +8,7 @@ import pytest
 from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 
-def signals(length: int, **changed: np.ndarray) -> AxisSignals:
+def signals(length, **changed):
     zeros = np.zeros(length)
     fields = {
         "position_demand": zeros, "force_offset": zeros, "position_actual": zeros,
@@ -17,11 +17,11 @@ def signals(length: int, **changed: np.ndarray) -> AxisSignals:
     return AxisSignals(**{**fields, **changed})
 
 
-def recording(moves: tuple[Move, ...], length: int = 10) -> Recording:
+def recording(moves, length=10):
     return Recording("", "", "", np.arange(length) * 1e-3, {"x": signals(length)}, moves, "test")
 
 
-def move(start: int, end: int) -> Move:
+def move(start, end):
     return Move("macro", start, end, {"x": 1e-3}, {"x": -2e-3})
 
 
@@ -40,7 +40,7 @@ def test_axes_are_as_long_as_the_time():
 
 
 @pytest.mark.parametrize(("start", "end"), [(-1, 3), (5, 4), (5, 11)])
-def test_moves_lie_within_the_samples(start: int, end: int):
+def test_moves_lie_within_the_samples(start, end):
     with pytest.raises(ValueError, match=r"moves\[0\]"):
         recording((move(start, end),))
 

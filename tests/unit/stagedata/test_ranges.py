@@ -22,7 +22,7 @@ class Settings:
     span: Literal[1, 2] = 1
     name: str = ""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         check_ranges(self)
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from stagedata import Samples
 
 
-def counted(begin: int, count: int) -> Samples:
+def counted(begin, count):
     found = Samples.missing(count, 2)
     return replace(found, time=np.arange(begin, begin + count) * 1e-3)
 
 
-def test_missing_samples_are_invalid_and_say_nothing_of_their_arrival() -> None:
+def test_missing_samples_are_invalid_and_say_nothing_of_their_arrival():
     nothing = Samples.missing(3, 2)
     assert (len(nothing), nothing.axes) == (3, 2)
     assert not nothing.valid.any()
@@ -23,7 +23,7 @@ def test_missing_samples_are_invalid_and_say_nothing_of_their_arrival() -> None:
     assert nothing.extra.dtype == np.uint8
 
 
-def test_blocks_joined_have_all_rows_of_every_field_in_order() -> None:
+def test_blocks_joined_have_all_rows_of_every_field_in_order():
     whole = Samples.concatenate([counted(0, 2), counted(2, 3), counted(5, 1)])
     np.testing.assert_allclose(whole.time, np.arange(6) * 1e-3)
     assert {len(getattr(whole, f.name)) for f in fields(whole)} == {6}
@@ -32,7 +32,7 @@ def test_blocks_joined_have_all_rows_of_every_field_in_order() -> None:
     assert Samples.concatenate([one]) is one
 
 
-def test_the_tail_has_the_last_rows_or_all_of_them() -> None:
+def test_the_tail_has_the_last_rows_or_all_of_them():
     whole = counted(0, 5)
     np.testing.assert_allclose(whole.tail(2).time, [3e-3, 4e-3])
     assert {len(getattr(whole.tail(2), f.name)) for f in fields(whole)} == {2}

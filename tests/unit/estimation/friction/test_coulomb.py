@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from estimation.friction import FrictionState, follow
-from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online import EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
@@ -21,7 +20,7 @@ GMS = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 SETTINGS = EstimatorSettings(MASS, TS, 1e-9, quantisation(STEP))
 
 
-def path(target: float, start: float = 0.0):
+def path(target, start=0.0):
     """Position, velocity and acceleration on the way and at rest behind it."""
     motion = plan(start, target, Limits(0.3, 3.0, 200.0))
     return motion.sample(np.arange(round(motion.duration / TS) + 40) * TS)
@@ -44,7 +43,7 @@ def test_figures_learned_under_another_law_are_taken_as_far_as_the_law_has_them(
     assert estimator.friction == replace(TRUE, coulomb=7.0)
 
 
-def move(truth: FrictionFigures, seed: int, start: float = 0.0) -> MoveData:
+def move(truth, seed, start=0.0):
     """25 mm of a stage with this friction, from no friction force at rest."""
     rng = np.random.default_rng(seed)
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
@@ -54,7 +53,7 @@ def move(truth: FrictionFigures, seed: int, start: float = 0.0) -> MoveData:
     return whole(x, force, 1.0 + seed, float(force[:4].mean()))
 
 
-def learned(truth: FrictionFigures, moves: int = 3) -> SplitHorizonEstimator:
+def learned(truth, moves=3):
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
     for seed in range(moves):
         data = move(truth, seed)

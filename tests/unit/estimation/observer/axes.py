@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.observer import AxisFigures, BusUnits, Carriage, Design, DriveLoop, StageObserver
+from estimation.observer import AxisFigures, BusUnits, Carriage, DriveLoop, StageObserver
 
 PERIOD = 1e-3
 DRIVE = DriveLoop(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 1e-4)
@@ -21,14 +21,12 @@ class Plant:
         deviation: from the demand [m].  integral: of the drive [N].
     """
 
-    def __init__(self, drive: DriveLoop = DRIVE, carriage: Carriage = CARRIAGE) -> None:
+    def __init__(self, drive=DRIVE, carriage=CARRIAGE):
         self.drive, self.carriage = drive, carriage
         self.deviation = self.velocity = self.force = self.integral = 0.0
         self.slope = self.last = 0.0
 
-    def advance(
-        self, start: float, end: float, push: float, noise: np.ndarray, steps: int = 50
-    ) -> np.ndarray:
+    def advance(self, start, end, push, noise, steps=50):
         """One SYNC period; returns the following error of each tick [m].
 
         Args:
@@ -58,9 +56,7 @@ class Plant:
         return errors
 
 
-def closed_loop(
-    design: Design, pushes: np.ndarray, noise: np.ndarray, plant: Plant | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def closed_loop(design, pushes, noise, plant=None):
     """An axis that holds its place under the observer's kernel.
 
     Args:

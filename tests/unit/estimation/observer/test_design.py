@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from estimation.observer import AxisFigures, Mode, design_observer
+from estimation.observer import Mode, design_observer
 from estimation.observer.design import ASSUMED, carriages
 from estimation.observer.loop import period_maps
-from estimation.observer.model import ObserverModel, make_model
+from estimation.observer.model import make_model
 from estimation.observer.sensitivity import (
     GAINS,
     LATENCIES,
@@ -23,7 +23,7 @@ from estimation.observer.sensitivity import (
 from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, FIGURES, PERIOD
 
 
-def excess(figures: AxisFigures, gain: float, model: ObserverModel | None = None) -> float:
+def excess(figures, gain, model=None):
     """Largest peak over what is allowed, over figures that are off and latencies."""
     model = model or design_observer(figures).model
     worst = 0.0
@@ -48,7 +48,7 @@ def excess(figures: AxisFigures, gain: float, model: ObserverModel | None = None
     ],
     ids=["plain", "mass in doubt", "dead time", "resonance", "base", "no presliding"],
 )
-def test_the_gain_is_the_largest_that_keeps_the_peak(figures: AxisFigures) -> None:
+def test_the_gain_is_the_largest_that_keeps_the_peak(figures):
     chosen = design_observer(figures)
     at = GAINS.index(chosen.gain)
     assert excess(figures, chosen.gain) <= 1.0
@@ -57,7 +57,7 @@ def test_the_gain_is_the_largest_that_keeps_the_peak(figures: AxisFigures) -> No
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
-def test_no_other_stiffness_answers_more_within_the_peak(scale: float) -> None:
+def test_no_other_stiffness_answers_more_within_the_peak(scale):
     """The more is assumed, the more a deviation is answered, and the smaller the gain has to be."""
     figures = replace(FIGURES, carriage=replace(CARRIAGE, stiffness=scale * CARRIAGE.stiffness))
     chosen = design_observer(figures)
@@ -69,7 +69,7 @@ def test_no_other_stiffness_answers_more_within_the_peak(scale: float) -> None:
         assert excess(figures, gain, model) > 1.0
 
 
-def test_soft_friction_is_assumed_stiffer() -> None:
+def test_soft_friction_is_assumed_stiffer():
     """Shares of sigma0: a drive's kp says how much stiffness is worth its gain."""
     shares = []
     for stiffness in (3e5, 9e5):
@@ -78,7 +78,7 @@ def test_soft_friction_is_assumed_stiffer() -> None:
     assert shares[0] > shares[1]
 
 
-def test_doubt_and_delay_cost_gain() -> None:
+def test_doubt_and_delay_cost_gain():
     plain = design_observer(FIGURES).gain
     assert 0.1 < plain < 0.2
     assert design_observer(replace(FIGURES, mass_doubt=0.15)).gain < plain
@@ -86,14 +86,14 @@ def test_doubt_and_delay_cost_gain() -> None:
     assert design_observer(replace(FIGURES, carriage=resonant)).gain < plain
 
 
-def test_the_peak_is_kept_where_friction_slips() -> None:
+def test_the_peak_is_kept_where_friction_slips():
     """With all of the presliding stiffness in the model, it would not be at half that gain."""
     chosen = design_observer(FIGURES)
     slipping = period_maps(DRIVE, replace(CARRIAGE, stiffness=0.0), PERIOD)
     assert peak_sensitivity(with_observer(slipping, chosen.model, chosen.gain, 2), PERIOD) <= PEAK
 
 
-def test_a_drive_at_its_limit_gets_no_observer() -> None:
+def test_a_drive_at_its_limit_gets_no_observer():
     late = replace(DRIVE, delay=2.0e-3)
     figures = replace(FIGURES, drive=late)
     chosen = design_observer(figures)

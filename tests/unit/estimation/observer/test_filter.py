@@ -14,7 +14,7 @@ MODEL = make_model(DRIVE, CARRIAGE, PERIOD, WALK, NOISE)
 VECTORS = np.array([MODEL.ramp_from, MODEL.ramp_to, MODEL.kick])
 
 
-def run(periods: int, covariance: np.ndarray, variance: float) -> np.ndarray:
+def run(periods, covariance, variance):
     """Samples of so much more variance [m^2]; returns what the last one changed, per m."""
     states = len(MODEL.gain)
     rooms, gain = np.zeros((states + 1, states)), np.zeros(states)
@@ -27,13 +27,13 @@ def run(periods: int, covariance: np.ndarray, variance: float) -> np.ndarray:
     return gain
 
 
-def test_it_begins_and_stays_steady() -> None:
+def test_it_begins_and_stays_steady():
     covariance = MODEL.covariance.copy()
     assert run(20_000, covariance, 0.0) == pytest.approx(MODEL.gain, rel=1e-3)
     assert covariance == pytest.approx(MODEL.covariance, rel=1e-3)
 
 
-def test_it_comes_back_to_it() -> None:
+def test_it_comes_back_to_it():
     covariance = MODEL.covariance.copy()
     loose = run(200, covariance, (5e-6) ** 2)
     assert abs(loose[LACK]) < 0.02 * abs(MODEL.gain[LACK])

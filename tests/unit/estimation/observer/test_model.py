@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from estimation.observer.loop import DEVIATION, INTEGRAL, period_maps
-from estimation.observer.model import LACK, ObserverModel, make_model
+from estimation.observer.model import LACK, make_model
 from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, PERIOD
 
 WALK, NOISE = 0.3, 2e-9
 
 
 @pytest.fixture(params=[(0.0, 1.0), (0.25e-3, 1.1)], ids=["plain", "late and strong"])
-def model_and_drive(request: pytest.FixtureRequest) -> tuple[ObserverModel, object]:
+def model_and_drive(request):
     delay, ratio = request.param
     drive = replace(DRIVE, delay=delay, force_ratio=ratio)
     return make_model(drive, CARRIAGE, PERIOD, WALK, NOISE), drive
 
 
-def test_it_predicts_what_the_axis_does(model_and_drive: tuple[ObserverModel, object]) -> None:
+def test_it_predicts_what_the_axis_does(model_and_drive):
     model, drive = model_and_drive
     maps = period_maps(drive, CARRIAGE, PERIOD)  # type: ignore[arg-type]
     generator = np.random.default_rng(2)
@@ -38,12 +38,12 @@ def test_it_predicts_what_the_axis_does(model_and_drive: tuple[ObserverModel, ob
     assert seen[LACK] == pytest.approx(push - model.force_ratio * axis[INTEGRAL], rel=1e-6)
 
 
-def test_the_gain_leaves_the_spread_it_states() -> None:
+def test_the_gain_leaves_the_spread_it_states():
     model = make_model(DRIVE, CARRIAGE, PERIOD, WALK, NOISE)
     generator = np.random.default_rng(3)
     states = len(model.gain)
 
-    def spread(gain: np.ndarray) -> float:
+    def spread(gain):
         error, squares = np.zeros(states), []
         for walk, noise in generator.normal(size=(20_000, 2)):
             innovation = error[DEVIATION] + NOISE * noise

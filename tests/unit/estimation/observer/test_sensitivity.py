@@ -23,7 +23,7 @@ MAPS = period_maps(DRIVE, CARRIAGE, PERIOD)
 MODEL = make_model(DRIVE, replace(CARRIAGE, stiffness=3e5), PERIOD, 0.3, 1e-9)
 
 
-def test_the_drive_alone_is_as_its_transfer_functions_say() -> None:
+def test_the_drive_alone_is_as_its_transfer_functions_say():
     """A drive of fast ticks is nearly continuous."""
     drive = replace(DRIVE, control_period=1e-5)
     frequency = np.geomspace(2.0, 500.0, 4000)
@@ -36,27 +36,27 @@ def test_the_drive_alone_is_as_its_transfer_functions_say() -> None:
     assert found == pytest.approx(expected, rel=5e-3)
 
 
-def test_an_observer_with_little_gain_changes_little() -> None:
+def test_an_observer_with_little_gain_changes_little():
     alone = peak_sensitivity(drive_alone(MAPS), PERIOD)
     assert peak_sensitivity(with_observer(MAPS, MODEL, 1e-6), PERIOD) == pytest.approx(
         alone, rel=1e-4
     )
 
 
-def test_more_gain_more_latency_higher_peak() -> None:
+def test_more_gain_more_latency_higher_peak():
     peaks = [peak_sensitivity(with_observer(MAPS, MODEL, gain), PERIOD) for gain in (0.1, 0.2, 0.4)]
     assert peaks == sorted(peaks)
     assert peak_sensitivity(with_observer(MAPS, MODEL, 0.2, 2), PERIOD) > peaks[1]
 
 
-def test_an_unstable_loop_has_no_peak() -> None:
+def test_an_unstable_loop_has_no_peak():
     heavy = period_maps(DRIVE, replace(CARRIAGE, mass=16.0, stiffness=0.0), PERIOD)
     stiff = make_model(DRIVE, CARRIAGE, PERIOD, 0.3, 1e-9)
     assert peak_sensitivity(with_observer(heavy, stiff, 0.5, 2), PERIOD) == float("inf")
 
 
 @pytest.mark.parametrize("frequency", [40.0, 100.0])
-def test_the_kernel_in_time_has_the_sensitivity_of_the_linear_loop(frequency: float) -> None:
+def test_the_kernel_in_time_has_the_sensitivity_of_the_linear_loop(frequency):
     gain, rows = 0.15, 600
     time = np.arange(rows * 10).reshape(rows, 10) * 1e-4
     noise = 1e-8 * np.sin(2.0 * np.pi * frequency * time)  # below what is clipped
@@ -68,7 +68,7 @@ def test_the_kernel_in_time_has_the_sensitivity_of_the_linear_loop(frequency: fl
     assert measured == pytest.approx(sensitivity_at(frequency, gain), rel=0.01)
 
 
-def sensitivity_at(frequency: float, gain: float) -> float:
+def sensitivity_at(frequency, gain):
     loop = with_observer(MAPS, MODEL, gain)
     z = np.exp(2j * np.pi * frequency * PERIOD)
     wave = np.exp(2j * np.pi * frequency * 1e-4 * np.arange(10))

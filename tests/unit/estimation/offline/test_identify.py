@@ -22,7 +22,7 @@ SETTINGS = OfflineSettings(
 )
 
 
-def drive(macro=6, micro=2, seed=1, effects=(), **friction) -> Samples:
+def drive(macro=6, micro=2, seed=1, effects=(), **friction):
     """Closed loop, axis x with 16 elements: macro-moves, each with micro-moves behind it."""
     stage = stage_settings(load_machine())
     x = stage.axes[0]
@@ -86,7 +86,7 @@ def test_shape_adds_to_one_and_sixteen_elements_are_not_six(other_stribeck):
     assert other_stribeck["k_1"].value > 1.0 / 6.0
 
 
-def open_loop(shares, asymmetry, seed=3) -> Samples:
+def open_loop(shares, asymmetry, seed=3):
     """The simulator's elements led along a demand in steps of 50 us; no loop, no wander."""
     rng = np.random.default_rng(seed)
     at, pieces = 0.0, [np.zeros(1000)]

@@ -7,10 +7,9 @@ import numpy as np
 from estimation.friction import FrictionState, count_states, follow
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
-from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
+from estimation.online.estimator import EstimatorSettings
 from estimation.trajectory import Limits, plan
 from hil_sim.plant.simulate import simulate
-from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
 from stagedata import FrictionFigures
 
@@ -25,12 +24,12 @@ SETTINGS = EstimatorSettings(
 )
 
 
-def whole(position, force, time=1.0, rest_force=0.0) -> MoveData:
+def whole(position, force, time=1.0, rest_force=0.0):
     """A move without a sample missing."""
     return MoveData(position, force, np.ones(len(position), dtype=bool), time, rest_force)
 
 
-def modelled_force(friction, mass, position, state=None, band=0.0) -> np.ndarray:
+def modelled_force(friction, mass, position, state=None, band=0.0):
     """Force of the model along its own samples, from relaxed rest; ends repeated."""
     velocity, acceleration = (position[2:] - position[:-2]) / (2 * TS), np.diff(position, 2) / TS**2
     state = state or FrictionState.relaxed(count_states(friction), float(position[0]))
@@ -47,7 +46,7 @@ class Drive:
     force: np.ndarray
     starts: list[int]
 
-    def move(self, number: int) -> MoveData:
+    def move(self, number):
         begin = self.starts[number] - 2
         end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.position)
         return whole(
@@ -56,13 +55,13 @@ class Drive:
         )  # fmt: skip
 
 
-def only_x(wander: float = 0.01) -> StageSettings:
+def only_x(wander=0.01):
     stage = stage_settings(load_machine())
     x = stage.axes[0]
     return replace(stage, axes=(replace(x, wander=wander),))
 
 
-def drive(moves, stage=None, seed=1, mass=8.0) -> Drive:
+def drive(moves, stage=None, seed=1, mass=8.0):
     """Closed loop, force offset = mass times acceleration; rests of 150 ms."""
     at, demand, offset, starts = 0.0, [np.zeros(100)], [np.zeros(100)], []
     count = 100
@@ -87,6 +86,6 @@ SEQUENCE = [
 ]  # fmt: skip
 
 
-def learn(estimator: SplitHorizonEstimator, data: Drive, numbers=None):
+def learn(estimator, data, numbers=None):
     estimator.at_rest(0.0, 0.0, 0.0)
     return [estimator.update(data.move(n)) for n in numbers or range(len(data.starts))]

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from estimation.friction import breakaway_travel
-from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
@@ -23,7 +22,7 @@ SETTINGS = EstimatorSettings(
 )  # fmt: skip
 
 
-def move(seed: int) -> MoveData:
+def move(seed):
     """25 mm that overshoot by 0.2 um."""
     generator = np.random.default_rng(seed)
     time = (np.arange(-5, 330) + generator.uniform()) * TS

@@ -17,7 +17,6 @@ from tests.unit.estimation.online.moves import (
     SETTINGS,
     TRUE,
     TS,
-    Drive,
     drive,
     learn,
     only_x,
@@ -30,7 +29,7 @@ HOLES[20:200:2] = False
 
 
 @pytest.fixture(scope="module")
-def data() -> Drive:
+def data():
     return drive(SEQUENCE)
 
 
@@ -192,7 +191,7 @@ class TestPreview:
 
 
 class TestRefusals:
-    def settled(self, data) -> SplitHorizonEstimator:
+    def settled(self, data):
         estimator = SplitHorizonEstimator(TRUE, SETTINGS)
         learn(estimator, data, range(6))
         return estimator

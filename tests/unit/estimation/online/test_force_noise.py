@@ -15,7 +15,7 @@ SPRING = TRUE.stiffness * ENCODER
 """What the encoder's noise does to a spring [N]."""
 
 
-def motion(length: float = 25e-3) -> np.ndarray:
+def motion(length=25e-3):
     """Sine acceleration of 3 m/s^2 peak, out of rest and to rest; rows of samples [m]."""
     total = np.sqrt(2.0 * np.pi * length / 3.0)
     turn = np.clip(np.arange(-REST, 290) * TS + 3e-4, 0.0, total) / total
@@ -29,7 +29,7 @@ def exact():
     return x, modelled_force(TRUE, MASS, x)
 
 
-def stiffness(exact, noise: float, runs: int) -> tuple[np.ndarray, float]:
+def stiffness(exact, noise, runs):
     """Errors of sigma0, relative, and what was said of them (median)."""
     position, force = exact
     settings = EstimatorSettings(

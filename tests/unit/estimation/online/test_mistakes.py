@@ -57,7 +57,7 @@ def record(
     return x[::FINE].copy(), (mass * a + model.viscous * v + force)[::FINE].copy()
 
 
-def knowing(model=TRUE, settings=SETTINGS) -> SplitHorizonEstimator:
+def knowing(model=TRUE, settings=SETTINGS):
     """An estimator that knows the state at rest, so that the next move's onset counts."""
     relaxed = FrictionState.relaxed(model.elements)
     estimator = SplitHorizonEstimator(model, settings, state=relaxed)

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from scipy.linalg import solveh_banded
 
 from estimation.friction import REST_BAND, FrictionState, element_shares, follow
-from estimation.move import MoveData
 from estimation.online.belief.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.settings import BOUNDS
@@ -39,7 +38,7 @@ targets = st.sampled_from([2e-6, 60e-6, 3e-3, 20e-3])
 signs = st.sampled_from([1.0, -1.0])
 
 
-def move(friction: FrictionFigures, target: float, seed: int) -> MoveData:
+def move(friction, target, seed):
     """Positions and forces of the model on its own samples, noisy, out of relaxed rest."""
     limits = Limits(0.5, 3.0, 100.0) if abs(target) > 1e-3 else Limits(0.01, 0.2, 20.0)
     motion = plan(0.0, target, limits)
@@ -51,11 +50,11 @@ def move(friction: FrictionFigures, target: float, seed: int) -> MoveData:
     return whole(position, force)
 
 
-def predicted(friction: FrictionFigures, mass: float, position):
+def predicted(friction, mass, position):
     return modelled_force(friction, mass, position, band=REST_BAND)
 
 
-def knowing(friction: FrictionFigures, settings=SETTINGS) -> SplitHorizonEstimator:
+def knowing(friction, settings=SETTINGS):
     rest = FrictionState.relaxed(friction.elements)
     estimator = SplitHorizonEstimator(friction, settings, state=rest)
     estimator.at_rest(0.0, 0.0, 0.0)
@@ -63,7 +62,7 @@ def knowing(friction: FrictionFigures, settings=SETTINGS) -> SplitHorizonEstimat
     return estimator
 
 
-def cost(data: MoveData, model: FrictionFigures, mass: float, start: FrictionFigures) -> float:
+def cost(data, model, mass, start):
     """Chi-square of the move under the residual's covariance (scipy's), and the arrival cost."""
     moving = np.flatnonzero(split(data.position, start, TS) != REST)
     residual = (predicted(model, mass, data.position) - data.force)[1:-1][moving]

@@ -19,7 +19,7 @@ RESTARTED = can.Message(arbitration_id=0x100, data=bytes(8), is_error_frame=True
 class Rig:
     """A connection, the bus' other end, and an interface that can be there or not."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.channel = f"away-{next(_names)}"
         self.there = True
         self.now_ns = 0
@@ -30,20 +30,20 @@ class Rig:
             self.opened[0], self.reopen, self.notices.append, lambda: self.now_ns
         )
 
-    def open(self) -> can.BusABC:
+    def open(self):
         return can.Bus(interface="virtual", channel=self.channel)
 
-    def reopen(self) -> can.BusABC | None:
+    def reopen(self):
         if not self.there:
             return None
         self.opened.append(self.open())
         return self.opened[-1]
 
-    def remove(self) -> None:
+    def remove(self):
         self.there = False
         self.opened[-1].shutdown()
 
-    def hears(self) -> bytes | None:
+    def hears(self):
         message = self.connection.recv(0.001)
         return None if message is None else bytes(message.data)
 
@@ -89,7 +89,7 @@ class StrayOnce(VirtualBus):
 
     stray = True
 
-    def recv(self, timeout: float | None = None) -> can.Message | None:
+    def recv(self, timeout=None):
         if self.stray:
             self.stray = False
             raise can.CanOperationError("could not unpack received message")

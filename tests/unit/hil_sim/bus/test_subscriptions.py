@@ -5,12 +5,12 @@ from __future__ import annotations
 from hil_sim.bus.subscriptions import Subscriptions
 
 
-def test_undoing_a_subscription_leaves_the_others_and_no_empty_entry() -> None:
+def test_undoing_a_subscription_leaves_the_others_and_no_empty_entry():
     table = Subscriptions()
 
-    def one(data: bytes) -> None: ...
+    def one(data): ...
 
-    def other(data: bytes) -> None: ...
+    def other(data): ...
 
     table.subscribe(0x80, one)
     table.subscribe(0x80, other)
@@ -22,11 +22,11 @@ def test_undoing_a_subscription_leaves_the_others_and_no_empty_entry() -> None:
     assert not table
 
 
-def test_a_frame_that_is_being_handed_out_is_not_disturbed_by_an_unsubscription() -> None:
+def test_a_frame_that_is_being_handed_out_is_not_disturbed_by_an_unsubscription():
     table = Subscriptions()
     heard: list[str] = []
 
-    def once(data: bytes) -> None:
+    def once(data):
         heard.append("once")
         table.unsubscribe(0x80, once)
 

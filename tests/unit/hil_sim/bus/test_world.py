@@ -8,7 +8,7 @@ import pytest
 from hil_sim.bus.world import World
 
 
-def frame(can_id: int, data: bytes = b"") -> can.Message:
+def frame(can_id, data=b""):
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 

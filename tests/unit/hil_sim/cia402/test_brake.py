@@ -7,7 +7,7 @@ import pytest
 OUTPUTS, MASK = (1, 0x60FE, 1, "I"), (1, 0x60FE, 2, "I")
 
 
-def set_by_drive(host) -> bool:
+def set_by_drive(host):
     return bool(host.read_object(*OUTPUTS) & 1)
 
 

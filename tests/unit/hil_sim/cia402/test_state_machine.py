@@ -41,7 +41,7 @@ TABLE = {
 }
 
 
-def matches(word: int, coding: str) -> bool:
+def matches(word, coding):
     bits = [word >> b & 1 for b in (7, 3, 2, 1, 0)]
     return all(c in ("x", str(bit)) for c, bit in zip(coding, bits, strict=True))
 

@@ -11,7 +11,7 @@ from hil_sim.plant import Motor
 
 @pytest.fixture
 def make_motor(stage_settings, plant):
-    def make(increment: float = 1e-9) -> Motor:
+    def make(increment=1e-9):
         axis = dataclasses.replace(stage_settings.axes[0], increment=increment)
         settings = dataclasses.replace(stage_settings, axes=(axis, stage_settings.axes[1]))
         return Motor(plant, 0, settings)

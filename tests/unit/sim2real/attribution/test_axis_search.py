@@ -9,11 +9,11 @@ import pytest
 from hil_sim.effects.library import library
 from sim2real.attribution import AxisSearch
 from sim2real.fitting import Term, fit
-from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
+from tests.unit.sim2real.conftest import problem_of, stage_with
 
 
 @pytest.fixture(scope="module")
-def drift(nominal: Nominal) -> AxisSearch:
+def drift(nominal):
     """A warm-up, fitted; no other set of effects was kept."""
     values = {"amplitude": 0.3, "time_constant": 4.0}
     recording = stage_with(nominal, 51, seconds=3.0, y={"thermal_drift": values})
@@ -31,7 +31,7 @@ def drift(nominal: Nominal) -> AxisSearch:
     )
 
 
-def test_an_effect_on_the_level_that_is_out_of_the_question(drift: AxisSearch) -> None:
+def test_an_effect_on_the_level_that_is_out_of_the_question(drift):
     """Odds of levels may be smaller than a number can be."""
     found = replace(drift, levels={"thermal_drift": {"coulomb_level": 0.0}})
     assert found.probability("thermal_drift") == (pytest.approx(0.99), [])

@@ -7,10 +7,10 @@ import pytest
 from hil_sim.effects.library import library
 from sim2real.attribution import signature_similarity
 from sim2real.attribution.candidates import TrackedDictionary
-from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
+from tests.unit.sim2real.conftest import problem_of, stage_with
 
 
-def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(nominal: Nominal) -> None:
+def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(nominal):
     recording = stage_with(nominal, 17, y={"coulomb_level": {"ratio": 0.9}})
     settings = nominal[1]
     problem = problem_of(recording, settings, "y")
@@ -29,7 +29,7 @@ def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(nominal: Nom
     assert 0.0 < alike < 0.5
 
 
-def test_a_vibration_starts_at_its_frequency(nominal: Nominal) -> None:
+def test_a_vibration_starts_at_its_frequency(nominal):
     """Half a line of a short recording's spectrum off, a third of its size would be missing."""
     floor = library()["floor_vibration"]
     there = {"amplitude": 0.6, "frequency": 23.125, "phase": 3.14}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from hil_sim.effects.library import library
-from sim2real.attribution.levels import Levels, is_wander, settle_levels, weigh_levels
+from sim2real.attribution.levels import is_wander, settle_levels, weigh_levels
 from sim2real.fitting import Term, fit
-from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
+from tests.unit.sim2real.conftest import problem_of, stage_with
 
 LEVELS = ("coulomb_level", "thermal_drift", "friction_position")
 
@@ -19,9 +19,7 @@ LEVELS = ("coulomb_level", "thermal_drift", "friction_position")
         ("thermal_drift", {"amplitude": 0.3, "time_constant": 4.0}),
     ],
 )
-def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
-    nominal: Nominal, true: str, values: dict[str, float]
-) -> None:
+def test_the_wander_that_is_left_tells_effects_on_the_level_apart(nominal, true, values):
     """Whichever of them was fitted: another level is found beside it."""
     recording = stage_with(nominal, 51, seconds=6.0, y={true: values})
     problem, known = problem_of(recording, nominal[1], "y"), library()
@@ -35,7 +33,7 @@ def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
     assert all(0.0 < odds <= 1.0 for odds in found.odds[true].values())
 
 
-def test_a_course_that_the_model_lacks_is_no_wander(nominal: Nominal) -> None:
+def test_a_course_that_the_model_lacks_is_no_wander(nominal):
     """The filter follows it, so innovations are white either way."""
     drift = {"amplitude": 0.3, "time_constant": 4.0}
     recording = stage_with(nominal, 51, seconds=6.0, y={"thermal_drift": drift})
@@ -48,11 +46,11 @@ def test_a_course_that_the_model_lacks_is_no_wander(nominal: Nominal) -> None:
 
 
 def settled(
-    nominal: Nominal,
-    seed: int,
-    true: dict[str, dict[str, float]],
-    *start: tuple[str, tuple[float, ...]],
-) -> Levels:
+    nominal,
+    seed,
+    true,
+    *start,
+):
     """What is decided where a stage has some effects and others were fitted."""
     recording = stage_with(nominal, seed, seconds=6.0, y=true)
     problem, known = problem_of(recording, nominal[1], "y"), library()
@@ -63,7 +61,7 @@ def settled(
     return settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
 
 
-def test_a_slow_drift_may_as_well_be_another_level(nominal: Nominal) -> None:
+def test_a_slow_drift_may_as_well_be_another_level(nominal):
     drift = {"amplitude": 0.2, "time_constant": 250.0}
     found = settled(nominal, 52, {"thermal_drift": drift}, ("coulomb_level", (1.2,)))
     (chosen,) = found.best.model.names()
@@ -72,7 +70,7 @@ def test_a_slow_drift_may_as_well_be_another_level(nominal: Nominal) -> None:
     assert {a.model.names() for a in found.fitted} == {("coulomb_level",), ("thermal_drift",)}
 
 
-def test_one_drift_is_not_a_level_and_another_drift(nominal: Nominal) -> None:
+def test_one_drift_is_not_a_level_and_another_drift(nominal):
     """They fit as well together; one effect that does is more probable."""
     drift = {"amplitude": 0.24, "time_constant": 57.0}
     start = ("coulomb_level", (1.18,)), ("thermal_drift", (0.04, 6.9))
@@ -80,7 +78,7 @@ def test_one_drift_is_not_a_level_and_another_drift(nominal: Nominal) -> None:
     assert len(found.best.model.names()) == 1
 
 
-def test_a_level_and_a_fast_drift_stay_two(nominal: Nominal) -> None:
+def test_a_level_and_a_fast_drift_stay_two(nominal):
     """The level at the end is not that of the machine file."""
     drift = {"amplitude": 0.3, "time_constant": 2.0}
     true = {"coulomb_level": {"ratio": 1.25}, "thermal_drift": drift}

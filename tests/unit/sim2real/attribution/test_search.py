@@ -8,10 +8,9 @@ import pytest
 from hil_sim.effects.library import library
 from sim2real.attribution.search import without_effect
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from tests.unit.sim2real.conftest import Nominal
 
 
-def test_a_spring_takes_over_a_constant_force(nominal: Nominal) -> None:
+def test_a_spring_takes_over_a_constant_force(nominal):
     axis = nominal[1].axes[0]
     offset = Term(library()["force_offset"], (-1.0,))
     spring = Term(library()["cable_stiffness"], (8.0, 0.01))

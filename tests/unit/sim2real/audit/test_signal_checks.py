@@ -68,7 +68,7 @@ def test_a_loop_that_has_not_settled_is_no_scale(stage, recorded):
     actual = ramped + np.repeat(left, 40) * fading
     axis = stage.axes[0]
 
-    def found(scale: float) -> list[str]:
+    def found(scale):
         slow = replace(
             signals, position_demand=ramped, position_actual=scale * actual,
             valid=np.ones(len(ramped), dtype=bool),

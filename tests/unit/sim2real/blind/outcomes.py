@@ -11,7 +11,7 @@ from sim2real.blind.outcome import ReportedCause
 OVER = {"quadratic_drag": "velocity", "cogging_harmonics": "position"}
 
 
-def outcome(kind: str, truth: str, reported: str, verdict: str, **more: object) -> Outcome:
+def outcome(kind, truth, reported, verdict, **more):
     """Effects as "x cogging", reported as "x cogging 0.9", several parted by commas."""
     causes = []
     for text in filter(None, reported.split(", ")):

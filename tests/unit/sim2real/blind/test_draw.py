@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil_sim.settings import StageSettings
 from sim2real.blind.draw import build_stage, draw_key, draw_values, family_of
 from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from tests.unit.sim2real.blind.conftest import LIBRARY, TOLERANCE, drawn
 
 
-def test_the_same_seed_draws_the_same_and_another_one_something_else(stage: StageSettings) -> None:
+def test_the_same_seed_draws_the_same_and_another_one_something_else(stage):
     keys = [drawn(stage, seed) for seed in range(30)]
     assert keys == [drawn(stage, seed) for seed in range(30)]
     assert len({str(key) for key in keys}) == len(keys)
     assert {key.kind for key in keys} == {"one", "two", "none", "outside", "departing"}
 
 
-def test_sizes_are_within_the_plausible_ranges(stage: StageSettings) -> None:
+def test_sizes_are_within_the_plausible_ranges(stage):
     rng = np.random.default_rng(5)
     for effect in (*LIBRARY.values(), *VARIANTS, *OUTSIDE):
         if effect.name == "residual_table":
@@ -32,7 +31,7 @@ def test_sizes_are_within_the_plausible_ranges(stage: StageSettings) -> None:
                 assert any(inside), (effect.name, parameter.key)
 
 
-def test_two_effects_never_are_one_and_the_key_says_which_family(stage: StageSettings) -> None:
+def test_two_effects_never_are_one_and_the_key_says_which_family(stage):
     for seed in range(20):
         first, second = drawn(stage, seed, "two").effects
         assert (first.axis, first.effect) != (second.axis, second.effect)
@@ -43,7 +42,7 @@ def test_two_effects_never_are_one_and_the_key_says_which_family(stage: StageSet
     assert all(not e.kin for seed in range(5) for e in drawn(stage, seed, "outside").effects)
 
 
-def test_several_effects_are_different_ones_of_one_axis(stage: StageSettings) -> None:
+def test_several_effects_are_different_ones_of_one_axis(stage):
     for seed in range(5):
         rng = np.random.default_rng(seed)
         key = draw_key(rng, stage, TOLERANCE, LIBRARY, lambda _: 3.0, several=4)
@@ -52,7 +51,7 @@ def test_several_effects_are_different_ones_of_one_axis(stage: StageSettings) ->
         assert len({drawn.axis for drawn in key.effects}) == 1
 
 
-def test_effects_that_open_no_gap_are_drawn_again_then_refused(stage: StageSettings) -> None:
+def test_effects_that_open_no_gap_are_drawn_again_then_refused(stage):
     with pytest.raises(ValueError, match="opens no gap"):
         draw_key(
             np.random.default_rng(1), stage, TOLERANCE, LIBRARY, lambda _: 1.0, only="force_offset"
@@ -61,7 +60,7 @@ def test_effects_that_open_no_gap_are_drawn_again_then_refused(stage: StageSetti
         draw_key(np.random.default_rng(1), stage, TOLERANCE, LIBRARY, lambda _: 3.0, only="magic")
 
 
-def test_the_stage_is_off_by_what_the_key_says(stage: StageSettings) -> None:
+def test_the_stage_is_off_by_what_the_key_says(stage):
     key = drawn(stage, 3, "one")
     made = build_stage(stage, key, LIBRARY)
     for nominal, axis in zip(stage.axes, made.axes, strict=True):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil_sim.settings import StageSettings
 from sim2real.blind import moves
 from sim2real.blind.moves import draw_demands
 
 
-def test_demands_stay_within_what_the_page_says(stage: StageSettings) -> None:
+def test_demands_stay_within_what_the_page_says(stage):
     for seed in range(8):
         demands = draw_demands(np.random.default_rng(seed), stage, 4.0)
         velocity = np.abs(np.diff(demands.position, axis=0)) / stage.sync_period

@@ -10,7 +10,7 @@ from sim2real.blind import Outcome
 from tests.unit.sim2real.blind.outcomes import outcome
 
 
-def test_an_outcome_comes_back_from_its_line() -> None:
+def test_an_outcome_comes_back_from_its_line():
     made = outcome(
         "one", "x cogging", "x cogging 0.9", "explained", sigmas={"x.cogging.force": 1.5},
         confusable=(("x", ("cogging", "force_ripple")),), promised=0.9,

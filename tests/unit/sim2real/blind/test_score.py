@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from sim2real.blind import Outcome, is_wrong, score_outcomes, write_page
+from sim2real.blind import is_wrong, score_outcomes, write_page
 from sim2real.blind.score import calibration_bins
 from tests.unit.sim2real.blind.outcomes import outcome
 
 
-def test_one_effect_counts_where_axis_and_name_come_first() -> None:
+def test_one_effect_counts_where_axis_and_name_come_first():
     right = outcome("one", "x cogging", "x cogging 0.99", "explained", promised=0.95, second=0.9)
     beside = outcome(
         "one", "x cogging", "x cogging 0.99, y dead_time 0.9", "explained", promised=0.9, second=0.7
@@ -44,7 +44,7 @@ def test_one_effect_counts_where_axis_and_name_come_first() -> None:
     ]
 
 
-def test_none_outside_two_and_departing() -> None:
+def test_none_outside_two_and_departing():
     over_velocity = (("x", ("acceleration", "velocity")),)
     outcomes = [
         outcome("none", "", "", "no_gap"),
@@ -74,8 +74,8 @@ def test_none_outside_two_and_departing() -> None:
     assert "| 1, 0 | x cogging_harmonics | unexplained | x over acceleration or velocity |" in text
 
 
-def test_without_the_true_effect_a_near_relative_must_be_hesitant() -> None:
-    def left(reported: str, verdict: str) -> Outcome:
+def test_without_the_true_effect_a_near_relative_must_be_hesitant():
+    def left(reported, verdict):
         return outcome("one", "x dead_time", reported, verdict, leave_out=True)
 
     hesitant = left("x current_bandwidth 0.7", "explained")
@@ -87,7 +87,7 @@ def test_without_the_true_effect_a_near_relative_must_be_hesitant() -> None:
     assert counted.error is None
 
 
-def test_parameters_without_a_sigma_are_outside() -> None:
+def test_parameters_without_a_sigma_are_outside():
     deviations = {"x.cogging.a": 2.9, "x.cogging.b": -3.1, "x.cogging.c": math.nan}
     counted = score_outcomes(
         [outcome("one", "x cogging", "x cogging 0.9", "explained", sigmas=deviations)]
@@ -95,7 +95,7 @@ def test_parameters_without_a_sigma_are_outside() -> None:
     assert (counted.parameters.count, counted.parameters.of) == (1, 3)
 
 
-def test_calibration_is_the_mean_distance_in_bins_of_fifty() -> None:
+def test_calibration_is_the_mean_distance_in_bins_of_fifty():
     causes = [(0.6, i < 30) for i in range(50)] + [(0.9, i < 35) for i in range(50)]
     bins = calibration_bins(reversed(causes))
     assert [b.causes for b in bins] == [50, 50]

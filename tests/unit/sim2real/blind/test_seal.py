@@ -6,12 +6,11 @@ import json
 
 import numpy as np
 
-from hil_sim.settings import StageSettings
 from sim2real.blind.seal import key_digest, key_json, seal_key
 from tests.unit.sim2real.blind.conftest import drawn
 
 
-def test_the_seal_opens_with_its_key_and_no_other(stage: StageSettings) -> None:
+def test_the_seal_opens_with_its_key_and_no_other(stage):
     key = drawn(stage, 4)
     sealed = seal_key(key, np.random.default_rng(1))
     assert sealed.text == json.dumps(key_json(key), sort_keys=True)

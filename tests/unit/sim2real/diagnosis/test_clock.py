@@ -9,13 +9,13 @@ import pytest
 from hil_sim.effects.library import library
 from sim2real.diagnosis import diagnose, examine
 from sim2real.diagnosis.clock import find_common_clock
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 FIRST, LATER = "2026-03-01T10:00:00+01:00", "2026-03-01T09:04:00+00:00"
 APART = 240.0
 
 
-def test_start_times_of_any_zone_and_order_make_a_clock(nominal: Nominal) -> None:
+def test_start_times_of_any_zone_and_order_make_a_clock(nominal):
     pair = [replace(nominal[0], started=started) for started in (LATER, FIRST)]
     clock = find_common_clock(pair)
     assert clock.starts == (APART, 0.0)
@@ -31,14 +31,14 @@ def test_start_times_of_any_zone_and_order_make_a_clock(nominal: Nominal) -> Non
         ("2026-03-01T10:30:00+01:00", "cooled down"),
     ],
 )
-def test_without_a_clock_the_reason_is_told(nominal: Nominal, started: str, why: str) -> None:
+def test_without_a_clock_the_reason_is_told(nominal, started, why):
     pair = [replace(nominal[0], started=at) for at in (FIRST, started)]
     clock = find_common_clock(pair)
     assert clock.starts == (0.0, 0.0)
     assert why in str(clock.text)
 
 
-def test_one_recording_needs_no_clock(nominal: Nominal) -> None:
+def test_one_recording_needs_no_clock(nominal):
     assert find_common_clock([nominal[0]]).text is None
 
 
@@ -53,9 +53,7 @@ WORN = {"friction_position": {"amplitude": 0.3, "center": 0.05, "width": 0.03}}
         ("friction_position", WORN["friction_position"], WORN),
     ],
 )
-def test_recordings_minutes_apart_part_drift_from_a_worn_place(
-    nominal: Nominal, effect: str, values: dict[str, float], then: dict[str, dict[str, float]]
-) -> None:
+def test_recordings_minutes_apart_part_drift_from_a_worn_place(nominal, effect, values, then):
     before = replace(stage_with(nominal, 11, x={effect: values}), started=FIRST)
     after = replace(stage_with(nominal, 11, x=then), started=LATER)
     examined = examine([before, after], nominal[1])

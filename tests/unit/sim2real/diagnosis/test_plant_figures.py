@@ -9,23 +9,22 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
-from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
 from sim2real.diagnosis import diagnose, examine
 from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Fitted, Term
 from sim2real.gap import prepare_replay
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal
+from tests.unit.sim2real.conftest import TOLERANCE
 
 MASS, COULOMB, VISCOUS = (BASE.index(key) for key in ("mass", "coulomb", "viscous"))
 
 
 @pytest.fixture
-def axis(nominal: Nominal) -> AxisSettings:
+def axis(nominal):
     return replace(nominal[1].axes[0], wander=0.0)
 
 
-def fitted(axis: AxisSettings, tolerances: dict[int, float], covariance: np.ndarray, *terms: Term):
+def fitted(axis, tolerances, covariance, *terms):
     base = np.zeros(NUISANCES)
     for j, value in tolerances.items():
         base[j] = 0.01 * value
@@ -87,7 +86,7 @@ def test_what_the_file_leaves_unknown_has_no_value_to_stay_at(axis):
     assert not changes
 
 
-def test_an_axis_that_hardly_moves_keeps_its_figures(nominal: Nominal) -> None:
+def test_an_axis_that_hardly_moves_keeps_its_figures(nominal):
     recording, settings = nominal
     count = round(2.0 / settings.sync_period)
     replay = prepare_replay(recording, settings)

@@ -9,15 +9,13 @@ from signal import SIGINT, pthread_kill
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
 from sim2real.gap import compare_with_model, gap_closed
-from stagedata import Recording
 from tests.signals import as_in_a_terminal
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
-def diagnosed(recording: Recording, settings: StageSettings, *names: str) -> Diagnosis:
+def diagnosed(recording, settings, *names):
     """The diagnosis with a library of these effects."""
     known = library()
     examined = examine([recording], settings)
@@ -33,12 +31,12 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def late(nominal: Nominal) -> Told:
+def late(nominal):
     recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
     rivals = ("dead_time", "current_bandwidth", "payload_mass", "force_offset")
     told: dict[str, list[float]] = {}
 
-    def progress(what: str, done: int, total: int) -> None:
+    def progress(what, done, total):
         told.setdefault(what, []).append(done / total)
 
     examined = examine([recording], settings, progress=progress)
@@ -46,7 +44,7 @@ def late(nominal: Nominal) -> Told:
     return Told(diagnose(examined, TOLERANCE, known, progress=progress), told)
 
 
-def test_an_effect_is_named_with_its_figures(late: Told) -> None:
+def test_an_effect_is_named_with_its_figures(late):
     report = late.found.report
     assert [(c.axis, c.effect) for c in report.causes] == [("y", "dead_time")]
     delay = report.causes[0].parameters["delay"]
@@ -55,7 +53,7 @@ def test_an_effect_is_named_with_its_figures(late: Told) -> None:
     assert report.gap_closed > 0.9
 
 
-def test_progress_is_told_in_every_phase(late: Told) -> None:
+def test_progress_is_told_in_every_phase(late):
     told = late.progress
     assert tuple(told) == PHASES
     assert all(max(shares) <= 1.0 for shares in told.values())
@@ -65,7 +63,7 @@ def test_progress_is_told_in_every_phase(late: Told) -> None:
 
 
 @pytest.mark.slow
-def test_three_effects_of_one_axis_are_named(nominal: Nominal) -> None:
+def test_three_effects_of_one_axis_are_named(nominal):
     there = {
         "dead_time": {"delay": 4e-4},
         "payload_mass": {"mass": 0.8},
@@ -81,7 +79,7 @@ def test_three_effects_of_one_axis_are_named(nominal: Nominal) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_promised_holds_for_what_is_named(nominal: Nominal) -> None:
+def test_what_is_promised_holds_for_what_is_named(nominal):
     """A Coulomb force beyond its usual range is needed beside the mass, and promised with it."""
     there = {"coulomb_level": {"ratio": 1.55}, "payload_mass": {"mass": 0.8}}
     recording = stage_with(nominal, 32, y=there)
@@ -95,7 +93,7 @@ def test_what_is_promised_holds_for_what_is_named(nominal: Nominal) -> None:
 
 
 @pytest.mark.slow
-def test_an_effect_named_too_early_is_replaced(nominal: Nominal) -> None:
+def test_an_effect_named_too_early_is_replaced(nominal):
     """Alone, force_constant fits better than the mass; beside the Coulomb force the mass does."""
     there = {"payload_mass": {"mass": -0.6}, "coulomb_level": {"ratio": 0.8}}
     recording = stage_with(nominal, 2, y=there)
@@ -105,7 +103,7 @@ def test_an_effect_named_too_early_is_replaced(nominal: Nominal) -> None:
 
 
 @pytest.mark.slow
-def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(nominal: Nominal) -> None:
+def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(nominal):
     """By itself it is all of these; another level of friction hides one of them."""
     there = {
         "force_constant": {"ratio": 1.1},
@@ -118,13 +116,13 @@ def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(nominal: Nomin
     assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
 
 
-def test_ctrl_c_ends_the_searches(nominal: Nominal) -> None:
+def test_ctrl_c_ends_the_searches(nominal):
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
     examined = examine([recording], nominal[1])
     known = {name: library()[name] for name in ("dead_time", "payload_mass")}
     done: list[int] = []
 
-    def interrupt(what: str, steps: int, total: int) -> None:
+    def interrupt(what, steps, total):
         done.append(steps)
         if steps and not any(done[:-1]):
             pthread_kill(threading.main_thread().ident or 0, SIGINT)
@@ -134,7 +132,7 @@ def test_ctrl_c_ends_the_searches(nominal: Nominal) -> None:
     assert 0 < max(done) <= 40, "no axis went on to fit what it had scanned"
 
 
-def test_a_stage_within_tolerance_has_no_gap(nominal: Nominal) -> None:
+def test_a_stage_within_tolerance_has_no_gap(nominal):
     recording = stage_with(nominal, 12)
     found = diagnosed(
         recording, nominal[1], "payload_mass", "coulomb_level", "force_offset", "cogging"
@@ -143,7 +141,7 @@ def test_a_stage_within_tolerance_has_no_gap(nominal: Nominal) -> None:
     assert found.report.causes == ()
 
 
-def test_an_effect_outside_the_library_is_not_explained(nominal: Nominal) -> None:
+def test_an_effect_outside_the_library_is_not_explained(nominal):
     recording = stage_with(
         nominal, 13, x={"cogging": {"amplitude": 1.5, "pitch": 0.03, "phase": 0.5}}
     )
@@ -152,7 +150,7 @@ def test_an_effect_outside_the_library_is_not_explained(nominal: Nominal) -> Non
 
 
 @pytest.mark.slow
-def test_what_the_filter_follows_is_found_in_the_closed_loop(nominal: Nominal) -> None:
+def test_what_the_filter_follows_is_found_in_the_closed_loop(nominal):
     """Innovations hardly see another friction level: it is a state of the filter."""
     recording = stage_with(nominal, 14, x={"coulomb_level": {"ratio": 0.87}})
     found = diagnosed(recording, nominal[1], "coulomb_level", "dead_time", "force_constant")
@@ -164,7 +162,7 @@ def test_what_the_filter_follows_is_found_in_the_closed_loop(nominal: Nominal) -
 
 
 @pytest.mark.slow
-def test_a_spring_with_a_far_center_is_no_offset(nominal: Nominal) -> None:
+def test_a_spring_with_a_far_center_is_no_offset(nominal):
     spring = {"stiffness": 12.0, "center": -0.09}
     recording = stage_with(nominal, 15, y={"cable_stiffness": spring})
     found = diagnosed(recording, nominal[1], "cable_stiffness", "force_offset")
@@ -174,7 +172,7 @@ def test_a_spring_with_a_far_center_is_no_offset(nominal: Nominal) -> None:
         assert abs(parameter.value - true) < 3.0 * parameter.sigma
 
 
-def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal: Nominal) -> None:
+def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal):
     harmonics = {"amplitude": 1.5, "pitch": 0.03, "phase": 0.7, "second": 0.4, "third": 0.2}
     recording = stage_with(nominal, 16, y={"cogging_harmonics": harmonics})
     found = diagnosed(recording, nominal[1], "cogging", "payload_mass")
@@ -187,7 +185,7 @@ def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal: No
 
 
 @pytest.mark.slow
-def test_two_strands_are_a_cable_in_another_shape(nominal: Nominal) -> None:
+def test_two_strands_are_a_cable_in_another_shape(nominal):
     """Fits of two strands to find them may end with one of them much too stiff."""
     strands = {"two_strand_cable": {"force": 0.77, "stiffness": 5700.0}}
     recording = stage_with(nominal, 10, y=strands)
@@ -202,7 +200,7 @@ def test_two_strands_are_a_cable_in_another_shape(nominal: Nominal) -> None:
 
 
 @pytest.mark.slow
-def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(nominal: Nominal) -> None:
+def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(nominal):
     """Effects of transmissions are, however little structure they leave."""
     recording = stage_with(nominal, 18, x={"viscous_asymmetry": {"ratio": 0.2}})
     found = diagnosed(
@@ -215,7 +213,7 @@ def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(nominal: Nom
 
 
 @pytest.mark.slow
-def test_the_flank_of_a_bump_beyond_the_path_is_named(nominal: Nominal) -> None:
+def test_the_flank_of_a_bump_beyond_the_path_is_named(nominal):
     """How high the bump is nobody knows; that it is there is certain."""
     end = float(nominal[0].axes["x"].position_demand[:3000].max())
     bump = {"amplitude": 0.5, "center": end + 0.03, "width": 0.02}

@@ -16,6 +16,6 @@ from sim2real.findings import Cause
         ("cdc", "cogging on x, dead_time on y and cogging on x"),
     ],
 )
-def test_the_last_cause_is_joined_by_and(effects: str, words: str) -> None:
+def test_the_last_cause_is_joined_by_and(effects, words):
     known = {"c": ("x", "cogging"), "d": ("y", "dead_time")}
     assert name_causes([Cause(*known[e], 1.0, {}, None, None, "") for e in effects]) == words

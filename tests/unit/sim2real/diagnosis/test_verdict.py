@@ -7,10 +7,10 @@ from dataclasses import replace
 from sim2real.diagnosis import diagnose, examine
 from sim2real.diagnosis.reason import describe_far_off
 from sim2real.gap import combined_floors, compare_with_model
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
-def test_a_gap_as_large_as_the_motion_is_never_none(nominal: Nominal) -> None:
+def test_a_gap_as_large_as_the_motion_is_never_none(nominal):
     recording, settings = stage_with(nominal, 3), nominal[1]
     sound = examine([recording], settings)
     assert describe_far_off(sound) == ""

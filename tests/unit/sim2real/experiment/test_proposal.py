@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import yaml
 
@@ -13,12 +11,9 @@ from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import compare_with_model
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
-from tests.unit.sim2real.conftest import Nominal
 
 
-def test_moves_that_would_tell_two_models_apart_are_a_recipe(
-    nominal: Nominal, tmp_path: Path
-) -> None:
+def test_moves_that_would_tell_two_models_apart_are_a_recipe(nominal, tmp_path):
     recording, settings = nominal
     known = library()
     measured = [compare_with_model(recording, settings)]

@@ -8,7 +8,7 @@ import pytest
 from sim2real.experiment import stroke
 
 
-def test_a_stroke_ends_at_rest_where_it_should_and_keeps_its_limits() -> None:
+def test_a_stroke_ends_at_rest_where_it_should_and_keeps_its_limits():
     positions = stroke(-0.04, 0.3, 3.0, 200.0, 1e-3)
     padded = np.concatenate((np.zeros(3), positions, np.full(3, positions[-1])))
     velocity = np.diff(padded) / 1e-3

@@ -7,11 +7,10 @@ import pytest
 from hil_sim.effects.library import library
 from sim2real.fitting import Term, coordinates
 from sim2real.fitting.coordinates import from_coordinates, to_coordinates
-from tests.unit.sim2real.conftest import Nominal
 
 
 @pytest.mark.parametrize("name", sorted({*library()} - {"residual_table"}))
-def test_coordinates_go_there_and_back(nominal: Nominal, name: str) -> None:
+def test_coordinates_go_there_and_back(nominal, name):
     axis = nominal[1].axes[0]
     effect = library()[name]
     values = []

@@ -12,7 +12,6 @@ from sim2real.fitting import (
     is_coulomb_level,
     is_within_tolerance,
 )
-from tests.unit.sim2real.conftest import Nominal
 
 
 @pytest.mark.parametrize(
@@ -26,9 +25,7 @@ from tests.unit.sim2real.conftest import Nominal
         ("cable_stiffness", (0.1, 0.0), False),
     ],
 )
-def test_a_figure_off_by_tolerance_is_no_effect(
-    nominal: Nominal, effect: str, values: tuple[float, ...], within: bool
-) -> None:
+def test_a_figure_off_by_tolerance_is_no_effect(nominal, effect, values, within):
     axis = nominal[1].axes[0]
     assert is_within_tolerance(Term(library()[effect], values), axis, 0.003) is within
 
@@ -45,9 +42,7 @@ def test_a_figure_off_by_tolerance_is_no_effect(
         ("force_saturation", (90.0,), 0.0, (90.0,)),
     ],
 )
-def test_values_beyond_what_is_plausible_are_counted(
-    nominal: Nominal, effect: str, values: tuple[float, ...], tenths: float, near: tuple[float, ...]
-) -> None:
+def test_values_beyond_what_is_plausible_are_counted(nominal, effect, values, tenths, near):
     axis = nominal[1].axes[0]
     term = Term(library()[effect], values)
     assert implausibility(term, axis) == pytest.approx(tenths, abs=1e-9)
@@ -55,8 +50,8 @@ def test_values_beyond_what_is_plausible_are_counted(
 
 
 def test_effects_on_the_coulomb_level_are_distinguished_from_other_friction(
-    nominal: Nominal,
-) -> None:
+    nominal,
+):
     axis = nominal[1].axes[0]
     middle = {
         name: Term(e, tuple(p.ranges(axis)[-1][1] for p in e.parameters))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 
 import pytest
 
@@ -12,10 +11,10 @@ from sim2real.fitting.workers import Stopped, Workers
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_map_keeps_the_order_and_may_be_nested(jobs: int) -> None:
+def test_map_keeps_the_order_and_may_be_nested(jobs):
     with Workers(jobs) as workers:
 
-        def row(i: int) -> list[int]:
+        def row(i):
             return workers.map(lambda j: 10 * i + j, range(3))
 
         assert workers.map(row, range(5)) == [[10 * i + j for j in range(3)] for i in range(5)]
@@ -25,12 +24,10 @@ def test_map_keeps_the_order_and_may_be_nested(jobs: int) -> None:
     ("jobs", "count", "most", "parts"),
     [(1, 7, 4, [3, 4]), (2, 7, 8, [3, 4]), (2, 1, 8, [1]), (2, 0, 8, []), (2, 12, 4, [4, 4, 4])],
 )
-def test_items_are_spread_over_all_threads(
-    jobs: int, count: int, most: int, parts: list[int]
-) -> None:
+def test_items_are_spread_over_all_threads(jobs, count, most, parts):
     sizes = []
 
-    def doubled(items: Sequence[int]) -> list[int]:
+    def doubled(items):
         sizes.append(len(items))
         return [2 * item for item in items]
 
@@ -39,22 +36,22 @@ def test_items_are_spread_over_all_threads(
     assert sorted(sizes) == parts
 
 
-def test_two_tasks_run_at_the_same_time() -> None:
+def test_two_tasks_run_at_the_same_time():
     both = threading.Barrier(2, timeout=20.0)
     with Workers(2) as workers:
         assert sorted(workers.map(lambda _: both.wait(), range(2))) == [0, 1]
 
 
-def test_an_error_of_a_task_comes_out() -> None:
+def test_an_error_of_a_task_comes_out():
     with Workers(2) as workers, pytest.raises(ZeroDivisionError):
         workers.map(lambda i: 1 // i, range(3))
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_what_is_at_work_when_they_are_left_stops(jobs: int) -> None:
+def test_what_is_at_work_when_they_are_left_stops(jobs):
     begun, ends = threading.Event(), []
 
-    def task() -> None:
+    def task():
         try:
             for _ in range(2000):
                 begun.set()
@@ -65,7 +62,7 @@ def test_what_is_at_work_when_they_are_left_stops(jobs: int) -> None:
     thread = threading.Thread(target=task)
     workers = Workers(jobs)
 
-    def interrupted() -> None:
+    def interrupted():
         with workers:
             thread.start()
             assert begun.wait(20.0)

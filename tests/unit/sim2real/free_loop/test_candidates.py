@@ -9,13 +9,13 @@ from sim2real.free_loop import FreeLoop
 from sim2real.free_loop.candidates import FreeDictionary
 from sim2real.free_loop.fit import fit_free
 from sim2real.gap import compare_with_model
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
 @pytest.mark.parametrize("pitch", [3.1e-3, 4.47e-3, 7.3e-3])
 def test_the_pitch_of_what_multiplies_the_motor_force_is_sought_in_the_force_over_it(
-    nominal: Nominal, pitch: float
-) -> None:
+    nominal, pitch
+):
     """The force itself changes sign on the way: its own waves have other pitches."""
     there = {"torque_ripple": {"ratio": 0.055, "pitch": pitch, "phase": 2.0}}
     measured = compare_with_model(stage_with(nominal, 41, x=there), nominal[1], 2)

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.settings import StageSettings
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.free_loop.search import is_certain
 from sim2real.gap import compare_with_model
-from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
 
 Stage = Nominal
 
 
-def loop_of(recording: Recording, settings: StageSettings, axis: str = "x") -> FreeLoop:
+def loop_of(recording, settings, axis="x"):
     measured = compare_with_model(recording, settings, 2)
     return FreeLoop(axis, [measured], settings, TOLERANCE[axis])
 
@@ -30,11 +28,11 @@ THREE: dict[str, dict[str, float]] = {
 
 
 @pytest.fixture(scope="module")
-def screw(nominal: Stage) -> FreeLoop:
+def screw(nominal):
     return loop_of(stage_with(nominal, 31, x=THREE), nominal[1])
 
 
-def test_three_effects_are_found_with_their_figures(screw: FreeLoop) -> None:
+def test_three_effects_are_found_with_their_figures(screw):
     known = library()
     names = (*THREE, "payload_mass", "friction_asymmetry", "cogging")
     found = search_free(screw, {name: known[name] for name in names})
@@ -52,7 +50,7 @@ def test_three_effects_are_found_with_their_figures(screw: FreeLoop) -> None:
         assert 0.5 < probability <= 1.0
 
 
-def test_what_the_right_model_leaves_is_the_floor(screw: FreeLoop) -> None:
+def test_what_the_right_model_leaves_is_the_floor(screw):
     known = library()
     right = AxisModel(
         np.zeros(NUISANCES),
@@ -62,7 +60,7 @@ def test_what_the_right_model_leaves_is_the_floor(screw: FreeLoop) -> None:
     assert screw.gap(screw.residual(right)) < 8.0
 
 
-def test_figures_of_an_incomplete_model_are_those_that_close_the_loop(screw: FreeLoop) -> None:
+def test_figures_of_an_incomplete_model_are_those_that_close_the_loop(screw):
     """Each half of the moves gives its own, and none of them opens the other half."""
     start = screw.start.added(Term(library()["force_offset"], (0.3,)))
     fitted, folds = fit_figures(screw, start)
@@ -73,7 +71,7 @@ def test_figures_of_an_incomplete_model_are_those_that_close_the_loop(screw: Fre
         assert screw.gap(fold.residual) < screw.gap(screw.residual(screw.start))
 
 
-def test_effects_found_otherwise_are_the_result_where_they_score_better(screw: FreeLoop) -> None:
+def test_effects_found_otherwise_are_the_result_where_they_score_better(screw):
     known = library()
     right = screw.start
     for name, values in THREE.items():
@@ -87,7 +85,7 @@ def test_effects_found_otherwise_are_the_result_where_they_score_better(screw: F
     assert worse.best.model.names() == ("force_offset",)
 
 
-def test_values_that_are_not_physical_have_no_residual(screw: FreeLoop) -> None:
+def test_values_that_are_not_physical_have_no_residual(screw):
     impossible = screw.start.added(Term(library()["payload_mass"], (-100.0,)))
     (left, plain) = screw.residuals([impossible, screw.start])
     assert left is None
@@ -96,7 +94,7 @@ def test_values_that_are_not_physical_have_no_residual(screw: FreeLoop) -> None:
         screw.residual(impossible)
 
 
-def test_names_are_not_given_where_much_is_left(nominal: Stage) -> None:
+def test_names_are_not_given_where_much_is_left(nominal):
     wave = {"amplitude": 2.0, "pitch": 0.03, "phase": 0.5}
     recording = stage_with(nominal, 32, x={"cogging": wave})
     others = ("viscous_asymmetry", "cable_stiffness", "payload_mass")
@@ -105,7 +103,7 @@ def test_names_are_not_given_where_much_is_left(nominal: Stage) -> None:
     assert not found.names_causes()
 
 
-def test_a_model_without_mass_cannot_be_simulated(screw: FreeLoop) -> None:
+def test_a_model_without_mass_cannot_be_simulated(screw):
     """Effects may add up to one, though each is possible: the search passes over it."""
     lighter = Term(library()["payload_mass"], (-0.6 * screw.axis.mass,))
     assert screw.allows(screw.start.added(lighter))
@@ -126,7 +124,5 @@ def test_a_model_without_mass_cannot_be_simulated(screw: FreeLoop) -> None:
         ([3.0, 2.0, -1.0, 2.0], False),  # too few moves for a test
     ],
 )
-def test_a_step_counts_where_chance_would_hardly_do_as_well(
-    change: list[float], certain: bool
-) -> None:
+def test_a_step_counts_where_chance_would_hardly_do_as_well(change, certain):
     assert is_certain(np.array(change)) is certain

@@ -10,11 +10,10 @@ from hil_sim.effects.library import library
 from hil_sim.settings import SUBSTEPS
 from sim2real.fitting import NUISANCES, STEP, AxisModel, Term
 from sim2real.tracking import innovation_response
-from stagedata import Recording
-from tests.unit.sim2real.conftest import Nominal, problem_of, stage_with
+from tests.unit.sim2real.conftest import problem_of, stage_with
 
 
-def test_response_to_a_force_is_what_a_simulation_shows(nominal: Nominal) -> None:
+def test_response_to_a_force_is_what_a_simulation_shows(nominal):
     recording = stage_with(nominal, 3)
     settings = nominal[1]
     problem = problem_of(recording, settings, "x")
@@ -26,7 +25,7 @@ def test_response_to_a_force_is_what_a_simulation_shows(nominal: Nominal) -> Non
     assert np.corrcoef(simulated, predicted)[0, 1] > 0.9
 
 
-def test_models_side_by_side_are_tracked_as_each_by_itself(nominal: Nominal) -> None:
+def test_models_side_by_side_are_tracked_as_each_by_itself(nominal):
     problem = problem_of(*nominal)
     base = problem.start.base.copy()
     base[0], base[STEP] = 0.01, 0.4
@@ -46,7 +45,7 @@ def test_models_side_by_side_are_tracked_as_each_by_itself(nominal: Nominal) -> 
         np.testing.assert_array_equal(found, finer.residual(model))
 
 
-def test_long_control_periods_are_simulated_in_the_references_steps(nominal: Nominal) -> None:
+def test_long_control_periods_are_simulated_in_the_references_steps(nominal):
     settings = nominal[1]
     slow = replace(
         settings,
@@ -56,12 +55,12 @@ def test_long_control_periods_are_simulated_in_the_references_steps(nominal: Nom
     assert slow.quick_substeps == SUBSTEPS
 
 
-def test_a_recording_may_begin_where_the_axis_still_creeps(nominal: Nominal) -> None:
+def test_a_recording_may_begin_where_the_axis_still_creeps(nominal):
     """What integrator and friction hold there, no sample says."""
     recording = stage_with(nominal, 5, x={"force_offset": {"force": 1.5}})
     model = problem_of(recording, nominal[1]).start.added(Term(library()["force_offset"], (1.5,)))
 
-    def share_of_noise(recording: Recording) -> float:
+    def share_of_noise(recording):
         problem = problem_of(recording, nominal[1])
         problem.retune(model)
         return problem.cost(model, problem.residual(model)) / problem.expected_cost()
@@ -75,7 +74,7 @@ def test_a_recording_may_begin_where_the_axis_still_creeps(nominal: Nominal) -> 
         assert share_of_noise(cut(recording, begin)) < 1.5 * share_of_noise(recording)
 
 
-def cut(recording: Recording, begin: int) -> Recording:
+def cut(recording, begin):
     """The recording from a sample on."""
     axes = {
         name: replace(

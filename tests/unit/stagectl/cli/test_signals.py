@@ -16,7 +16,7 @@ def handlers():
         yield
 
 
-def stop_twice(number: int) -> None:
+def stop_twice(number):
     """One signal amid the motion, one amid the stop that it brings about."""
     with interruptible():
         try:

@@ -18,7 +18,7 @@ NAME = "module.kernel-0-1.kernel"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> KernelFolder:
+def folder(tmp_path):
     made = KernelFolder(tmp_path / "kernels")
     made.write(NAME, b"code")
     return made

@@ -114,7 +114,7 @@ SHOW = (
 )
 
 
-def chosen(**environment: str) -> list[str | None]:
+def chosen(**environment):
     clean = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_CPU")}
     done = subprocess.run(
         [sys.executable, "-c", SHOW], env=clean | environment, capture_output=True, text=True,
@@ -123,7 +123,7 @@ def chosen(**environment: str) -> list[str | None]:
     return json.loads(done.stdout)  # type: ignore[no-any-return]
 
 
-def test_this_process_compiles_for_the_level_of_its_processor() -> None:
+def test_this_process_compiles_for_the_level_of_its_processor():
     level = level_of(platform.machine(), llvm.get_host_cpu_features())
     assert chosen() == [level, None if level is None else ""]
 
@@ -142,12 +142,10 @@ V3 = dict.fromkeys(("avx2", "fma", "bmi", "bmi2", "f16c", "lzcnt", "movbe"), Tru
         ("riscv64", {}, None),
     ],
 )
-def test_the_level_is_one_that_the_processor_can_run(
-    family: str, features: dict[str, bool], level: str | None
-) -> None:
+def test_the_level_is_one_that_the_processor_can_run(family, features, level):
     assert level_of(family, features) == level
 
 
-def test_what_the_user_has_chosen_stays() -> None:
+def test_what_the_user_has_chosen_stays():
     assert chosen(NUMBA_CPU_NAME="generic")[0] == "generic"
     assert chosen(NUMBA_CPU_FEATURES="+sse4.2")[1] == "+sse4.2"

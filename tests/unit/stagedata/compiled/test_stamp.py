@@ -1,7 +1,6 @@
 """A kernel's stamp changes with what the kernel computes, and with nothing else."""
 
 import sys
-from collections.abc import Callable
 from types import ModuleType
 
 import pytest
@@ -59,10 +58,10 @@ def outer(x, times=3):
 
 
 @pytest.fixture
-def stamp_of(monkeypatch: pytest.MonkeyPatch) -> Callable[..., bytes]:
+def stamp_of(monkeypatch):
     """Stamp of a kernel of a module with this source."""
 
-    def of(source: str = SOURCE, name: str = "outer") -> bytes:
+    def of(source=SOURCE, name="outer"):
         module = ModuleType("kernels_of_a_test")
         monkeypatch.setitem(sys.modules, module.__name__, module)
         exec(compile(source, "kernels_of_a_test.py", "exec"), vars(module))  # noqa: S102

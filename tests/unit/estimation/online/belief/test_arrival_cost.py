@@ -17,7 +17,7 @@ AXIS = SETTINGS.axis(START)
 WITHOUT_WANDER = replace(SETTINGS, belief=BeliefSettings(wander=0.0))
 
 
-def belief() -> Belief:
+def belief():
     made = Belief.at_start(SETTINGS.belief, START)
     made.mean[LEVEL] = 0.02
     made.covariance[COULOMB, LEVEL] = made.covariance[LEVEL, COULOMB] = -1e-3

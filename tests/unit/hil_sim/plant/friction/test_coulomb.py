@@ -7,7 +7,6 @@ import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate
-from hil_sim.settings import StageSettings
 from tests.unit.hil_sim.inputs import OPEN, change_axes
 
 EFFECTS = own_effects()
@@ -18,24 +17,24 @@ MASS, COULOMB, STATIC = 8.0, 6.0, 1.4 * 6.0
 
 
 @pytest.fixture(scope="module")
-def coulomb(nominal: StageSettings) -> StageSettings:
+def coulomb(nominal):
     figures = {"elements": 0, "stiffness": 0.0, "relaxation_rate": 0.0, "law": "coulomb"}
     return change_axes(nominal, figures, increment=1e-13)
 
 
 @pytest.fixture(scope="module")
-def loose(coulomb: StageSettings) -> StageSettings:
+def loose(coulomb):
     """Open loops, no viscous friction: the motor gets the force offset, nothing else."""
     return change_axes(coulomb, {"viscous": 0.0}, OPEN)
 
 
-def pushed(stage: StageSettings, force: np.ndarray, substeps: int = 20) -> np.ndarray:
+def pushed(stage, force, substeps=20):
     """Position of x, y under these forces on x [m]."""
     offset = np.column_stack([force, np.zeros_like(force)])
     return simulate(stage, np.zeros_like(offset), offset, None, substeps=substeps).position
 
 
-def with_effect(stage: StageSettings, name: str, **values: float) -> StageSettings:
+def with_effect(stage, name, **values):
     x, y = stage.axes
     return replace(stage, axes=(replace(x, effects=(EFFECTS[name].at(**values),)), y))
 
@@ -92,7 +91,7 @@ def test_an_axis_at_rest_does_not_creep_while_the_other_pushes_it(loose):
     assert np.abs(pushed(stage, np.full(400, 200.0))[:, 1]).max() > 1e-3  # enough to move it
 
 
-def steady_force(stage: StageSettings) -> np.ndarray:
+def steady_force(stage):
     """Force of x on a slide of 40 mm and back at 0.1 m/s, its ends left out [N]."""
     there = np.linspace(0.0, 0.04, 400)
     demand = np.concatenate([there, there[::-1]])
