@@ -23,7 +23,7 @@ from stagectl.cli.options import (
     takes,
     write_json,
 )
-from stagectl.errors import UnusableInput, unusable
+from stagectl.errors import unusable
 
 if TYPE_CHECKING:
     from hil_sim.effects import Value
@@ -167,7 +167,8 @@ def _examine(
                 examined, others, settings, correct=how.correct, clock=clock
             )
         if judges is not None and judges.insufficient is not None:
-            raise UnusableInput(f"--check: {judges.insufficient}")
+            click.echo(f"--check is left out: {judges.insufficient}", err=True)
+            judges = None
         found = diagnosis.diagnose(examined, tolerance, effects, jobs=how.jobs, progress=progress)
         if judges is not None:
             found = replace(found, report=diagnosis.judge_elsewhere(found, judges))

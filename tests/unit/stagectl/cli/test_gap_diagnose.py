@@ -92,11 +92,13 @@ def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, 
     assert report["causes"] == []
 
 
-def test_a_recording_that_cannot_judge_is_one_line(small, tmp_path):
-    report, line = run(small, "--check", spoilt(small, tmp_path, without_motion))
-    assert report is None
-    assert line.startswith("--check: ")
-    assert "no motion" in line
+def test_a_recording_that_cannot_judge_is_left_out_with_its_reason(small, tmp_path):
+    still = spoilt(small, tmp_path, without_motion)
+    done = CliRunner().invoke(diagnose, [str(small), "--check", str(still), "--json", "-"])
+    assert done.exit_code == 0
+    assert json.loads(done.stdout)["gap_closed_elsewhere"] is None
+    assert done.stderr.startswith("--check is left out: ")
+    assert "no motion" in done.stderr
 
 
 def test_the_recording_itself_is_fine_and_the_curves_of_its_page_are_in_the_json(small, tmp_path):
