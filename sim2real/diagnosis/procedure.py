@@ -115,7 +115,6 @@ class _StageSearch:
         self.searches: dict[str, AxisSearch] = {}
         self._done = dict.fromkeys(self.names, 0.0)
         self._curves: dict[str, Rivals] = {}
-        self._motions = [measure_motion(m.replay.recording, self._settings) for m in self._measured]
 
     def take(self, searches: Iterable[AxisSearch]) -> None:
         """Continue with these searches of all axes."""
@@ -179,8 +178,12 @@ class _StageSearch:
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""
         if name not in self._curves:
+            motions = [
+                measure_motion(m.replay.recording, replace(self._settings, start=m.replay.start))
+                for m in self._measured
+            ]
             tolerance = self._tolerance_of(name)
-            loop = MotionLoop(name, self._motions, self._settings, tolerance, self._workers)
+            loop = MotionLoop(name, motions, self._settings, tolerance, self._workers)
             self._curves[name] = find_rivals(Screen(loop))
         return self._curves[name]
 
