@@ -17,7 +17,7 @@ import numpy.typing as npt
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
-from stagectl.importing.import_map import AxisColumns, Column, ImportMap, unit_factor
+from stagectl.importing.import_map import TIMES, AxisColumns, Column, ImportMap, unit_factor
 from stagectl.store.hdf5 import MAX_SAMPLES
 from stagedata import AxisSignals, Move, Recording
 
@@ -26,6 +26,8 @@ BoolArray = npt.NDArray[np.bool_]
 _OFF_PERIOD = 0.1
 _SPARSE = 1.5
 """SYNC periods between samples beyond which resampling would invent samples."""
+_LEAST_KEPT = 0.005
+"""Smallest share of the rows that resampling may keep."""
 _HOLE = 2.5
 """Usual distances of the samples beyond which there is a hole, in which nothing is valid."""
 _MOST_DELAY = 1000
@@ -52,11 +54,11 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     first = files[""]
     time = first.time - first.time[0]
     if how.resample:
-        _check_rate(time, period, path)
+        _check_rate(time, period, path, how.time)
         _check_holes(time, period, path)
         time = np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1) * period
     else:
-        _check_time(time, period, path)
+        _check_time(time, period, path, how.time)
     axes = {}
     for name, axis in how.axes.items():
         channels = _Channels(files, time, how.resample, machine.axes[name])
@@ -211,23 +213,41 @@ def _refuse_gaps(path: Path, name: str, values: FloatArray, remedy: str = "") ->
         raise UnusableInput(f"{path}: column {name}: sample {sample}: is {values[sample]}{remedy}")
 
 
-def _check_time(time: FloatArray, period: float, path: Path) -> None:
+def _check_time(time: FloatArray, period: float, path: Path, column: Column | None) -> None:
     usual = float(np.median(np.diff(time))) if len(time) > 1 else period
     if abs(usual - period) > _OFF_PERIOD * period:
         raise UnusableInput(
             f"{path}: samples are {usual:.6g} s apart, the machine file's sync_period is "
-            f"{period:g} s; `resample: true` reads them at whole periods"
+            f"{period:g} s; "
+            + (_other_unit(usual, period, column) or "`resample: true` reads them at whole periods")
         )
 
 
-def _check_rate(time: FloatArray, period: float, path: Path) -> None:
+def _check_rate(time: FloatArray, period: float, path: Path, column: Column | None) -> None:
     """Samples may be read at fewer times than they were taken, but not at more."""
     usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    kept = int(time[-1] / period + 1e-6) + 1
     if usual > _SPARSE * period:
-        raise UnusableInput(
-            f"{path}: samples are {usual:.6g} s apart: there are none to read every "
-            f"{period:g} s; choose a sync_period of about {usual:.3g} s in the machine file"
-        )
+        other = f"choose a sync_period of about {usual:.3g} s in the machine file"
+        found = f"there are none to read every {period:g} s"
+    elif kept < _LEAST_KEPT * len(time):
+        other = "choose a shorter sync_period in the machine file"
+        found = f"read every {period:g} s, {kept} of {len(time)} rows are left"
+    else:
+        return
+    raise UnusableInput(
+        f"{path}: samples are {usual:.6g} s apart: {found}; "
+        + (_other_unit(usual, period, column) or other)
+    )
+
+
+def _other_unit(usual: float, period: float, column: Column | None) -> str:
+    """The question whether times are in the unit with which samples are one period apart, or ""."""
+    stated = (column.unit if column is not None else None) or "s"
+    for unit, seconds in TIMES.items():
+        if abs(usual * seconds / TIMES[stated] - period) <= _OFF_PERIOD * period:
+            return f"are the times in {unit}? Then state `unit: {unit}`"
+    return ""
 
 
 def _check_holes(time: FloatArray, period: float, path: Path) -> None:

@@ -90,6 +90,21 @@ def test_no_samples_are_invented(columns, tmp_path):
     assert len(logged(tmp_path, slow, TIMED, machine=slower)) == 300
 
 
+@pytest.mark.parametrize("resample", ["", "resample: true\n"])
+@pytest.mark.parametrize(("factor", "stated", "asked"), [(1e3, "", "ms"), (1.0, ", unit: ms", "s")])
+def test_times_in_another_unit_are_asked_about(columns, tmp_path, factor, stated, asked, resample):
+    path = csv_of(columns | {"t": columns["t"] * factor}, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match=f"are the times in {asked}\\? Then") as error:
+        read(tmp_path, path, f"time: {{column: t{stated}}}\n{resample}")
+    assert "reads them" not in str(error.value)
+
+
+def test_a_resampling_that_leaves_next_to_nothing_is_refused(columns, tmp_path):
+    path = csv_of(columns | {"t": columns["t"] * 2e-3}, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match=r"6 of 3000 rows are left; choose a shorter"):
+        read(tmp_path, path, "time: {column: t}\nresample: true\n")
+
+
 @pytest.mark.parametrize("pause", [1.7e9, 1e4])
 def test_one_wrong_date_is_no_recording_of_years(columns, tmp_path, pause):
     log = columns | {"t": columns["t"] + pause * (np.arange(3000) >= 17)}
