@@ -11,11 +11,13 @@ from typing import Annotated, Any, Literal, Protocol
 from annotated_types import Interval
 
 from hil_sim.quirks import Quirks
-from stagedata import FrictionFigures
+from stagedata import FrictionFigures, angular_unit
 from stagedata.ranges import NotNegative, Positive, check_ranges
 
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
+MOST_SUBSTEPS = 1000
+"""Most plant steps per control tick that a stiff plant on a slow tick may take."""
 _LONGEST_COARSE_STEP = 2e-4
 """Longest plant step that follows oscillation and stick-slip [s]."""
 
@@ -134,6 +136,10 @@ class AxisSettings:
     def __post_init__(self) -> None:
         check_ranges(self)
         _require(self.travel[0] < self.travel[1], "travel", "must be [lowest, highest]")
+
+    def unit_of(self, unit: str) -> str:
+        """The unit on this axis of what has `unit` on an axis that slides."""
+        return angular_unit(unit) if self.rotary else unit
 
 
 @dataclass(frozen=True, slots=True)

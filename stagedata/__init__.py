@@ -5,6 +5,7 @@ may import this package; it imports none of the others. `stagedata.compiled` is 
 compile their kernels.
 """
 
+from stagedata.angular_units import angular_unit as angular_unit
 from stagedata.friction import LAW_FIGURES as LAW_FIGURES
 from stagedata.friction import MAX_ELEMENTS as MAX_ELEMENTS
 from stagedata.friction import FrictionFigures as FrictionFigures

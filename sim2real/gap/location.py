@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.axis_units import angular_unit
 from sim2real.findings import Where
 from sim2real.gap.measure import Measured
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
-from stagedata import FloatArray, aligned_demand
+from stagedata import FloatArray, aligned_demand, angular_unit
 
 BINS = 24
 SMALLEST_SHARE = 0.05

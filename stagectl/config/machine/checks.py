@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from drivers.settings import HOST_NODE
+from stagectl.config.machine.drive import POSITION_RANGE
 from stagectl.config.machine.plausible import find_contradictions, find_implausible
 from stagectl.config.parsing.yaml_nodes import Document
 from stagedata import LAW_FIGURES
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from stagectl.config.machine.model import Axis, Bus, Machine
     from stagectl.config.machine.plant import Friction
 
-POSITION_RANGE = 2**31
-"""CiA 402 positions and velocities are INTEGER32: fewer units than this."""
 UNSIGNED_RANGE = 2**32 - 1
 """Windows and accelerations are UNSIGNED32: fewer units than this (all ones: no window)."""
 LONGEST_HOMING = 30 * 86_400.0
@@ -106,14 +105,15 @@ def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
     if max(abs(low), abs(high)) >= reach:
         refuse(
             (*at, "travel"),
-            f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m "
+            f"beyond +-{reach:.4g} {axis.unit_of('m')}, the range of a position in "
+            f"{_short(unit)}{axis.unit_of('m')} "
             "(drive.position_unit)",
         )
     drive, limits, homing = axis.drive, axis.limits, axis.homing
     speed_key = "position_unit" if drive.velocity_unit is None else "velocity_unit"
-    speed = (drive.velocity_count, "m/s", speed_key)
-    rate = (drive.acceleration_count, "m/s^2", "acceleration_unit")
-    length = (unit, "m", "position_unit")
+    speed = (drive.velocity_count, axis.unit_of("m/s"), speed_key)
+    rate = (drive.acceleration_count, axis.unit_of("m/s^2"), "acceleration_unit")
+    length = (unit, axis.unit_of("m"), "position_unit")
     for section, key, value, most, (step, dimension, unit_key) in (
         ("limits", "velocity", limits.velocity, POSITION_RANGE, speed),
         ("limits", "acceleration", limits.acceleration, UNSIGNED_RANGE, rate),
@@ -130,7 +130,7 @@ def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
             reason = f"{value:g} {dimension} is nothing in {steps}"
         elif section == "homing" and there_and_back > LONGEST_HOMING:
             days = there_and_back / 86_400.0
-            reason = f"at {value:g} m/s the travel there and back takes {days:.0f} days"
+            reason = f"at {value:g} {dimension} the travel there and back takes {days:.0f} days"
         else:
             continue
         refuse((*at, section, key), reason)

@@ -26,6 +26,9 @@ from stagectl.config.parsing.units import (
 )
 from stagectl.config.parsing.validation import STRICT, Section
 
+POSITION_RANGE = 2**31
+"""CiA 402 positions and velocities are INTEGER32: fewer units than this."""
+
 
 class Pid(Section):
     """Position loop: kp [N/m], ki [N/(m s)], kd [N s/m], derivative's low-pass [s]."""

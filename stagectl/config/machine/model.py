@@ -14,10 +14,12 @@ from pydantic import (
     Field,
     PrivateAttr,
     StringConstraints,
+    ValidationInfo,
+    field_validator,
 )
 
 from drivers.settings import RealTimeSettings, SyncSource
-from stagectl.config.machine.drive import Drive
+from stagectl.config.machine.drive import POSITION_RANGE, Drive
 from stagectl.config.machine.plant import Plant
 from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
@@ -33,6 +35,10 @@ from stagectl.config.parsing.units import (
 )
 from stagectl.config.parsing.validation import Section, refusal
 from stagectl.config.parsing.yaml_nodes import Document, describe_value
+from stagedata import angular_unit
+
+_COARSEST = 1e-3
+"""Coarsest position unit that is chosen where none is stated [m]."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -169,6 +175,7 @@ class Axis(Section):
     node: Annotated[int, Field(ge=1, le=127)]
     travel: LengthPair
     limits: Limits
+    rotary: bool = False  # before the drive, whose units depend on it
     encoder: Encoder
     drive: Drive
     plant: Plant
@@ -176,7 +183,25 @@ class Axis(Section):
     homing: Homing = Homing()
     effects: tuple[GivenEffect, ...] = ()
     observer: Literal["auto", "trust", "none"] = "auto"
-    rotary: bool = False
+
+    @field_validator("drive")
+    @classmethod
+    def _count_turns(cls, drive: Drive, info: ValidationInfo) -> Drive:
+        """Where an axis turns and no unit is stated, positions count in one that travel fits in."""
+        given = info.data
+        if not given.get("rotary") or "position_unit" in drive.model_fields_set:
+            return drive
+        reach = max(map(abs, given.get("travel", ())), default=0.0)
+        speed = given["limits"].velocity if "limits" in given else 0.0
+        most = max(reach, 0.0 if drive.velocity_unit is not None else speed)
+        unit = drive.position_unit
+        while most >= POSITION_RANGE * unit and unit < _COARSEST:
+            unit *= 10.0
+        return drive.model_copy(update={"position_unit": unit})
+
+    def unit_of(self, unit: str) -> str:
+        """The unit on this axis of what has `unit` on an axis that slides."""
+        return angular_unit(unit) if self.rotary else unit
 
 
 class Temperature(Section):

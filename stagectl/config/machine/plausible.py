@@ -46,7 +46,7 @@ def find_ranges(section: Section, at: Place = ()) -> Iterator[tuple[Place, float
 def find_implausible(axis: Axis) -> Iterator[tuple[Place, str]]:
     """Keys within the axis of implausible values, and what they must be."""
     for path, value, (least, greatest, unit) in find_ranges(axis):
-        in_unit = f" {unit}" if unit else ""
+        in_unit = f" {axis.unit_of(unit)}" if unit else ""
         if value < least:
             yield path, f"must be at least {least:g}{in_unit}, is {value:g}"
         elif value > greatest:
@@ -62,37 +62,42 @@ def find_contradictions(axis: Axis) -> Iterator[tuple[Place, str]]:
 def _lacking_force(axis: Axis) -> Iterator[tuple[Place, str]]:
     """The drive must have the force to move the axis, and to stop it within its travel."""
     limits, plant, friction = axis.limits, axis.plant, axis.plant.friction
+    newton, metre = axis.unit_of("N"), axis.unit_of("m")
     peak, span = axis.drive.peak_force, axis.travel[1] - axis.travel[0]
-    has = f"the drive has {peak:g} N at most (drive.peak_force)"
+    has = f"the drive has {peak:g} {newton} at most (drive.peak_force)"
     breakaway = friction.coulomb * (1.0 + max(friction.static_ratio, 0.0))
     drag = friction.viscous * limits.velocity
     stop = plant.mass * limits.velocity**2 / (2.0 * peak)
+    speed = f"{limits.velocity:g} {axis.unit_of('m/s')}"
     if breakaway >= peak:
-        yield ("plant", "friction", "coulomb"), f"breakaway takes {breakaway:.4g} N; {has}"
+        yield ("plant", "friction", "coulomb"), f"breakaway takes {breakaway:.4g} {newton}; {has}"
     if drag >= peak:
-        reason = f"at limits.velocity, {limits.velocity:g} m/s, it is {drag:.4g} N; {has}"
+        reason = f"at limits.velocity, {speed}, it is {drag:.4g} {newton}; {has}"
         yield ("plant", "friction", "viscous"), reason
     if stop > span > 0.0:
-        reason = f"{plant.mass:g} kg at {limits.velocity:g} m/s need {stop:.3g} m to stop"
-        yield ("plant", "mass"), f"{reason}, the travel is {span:g} m; {has}"
+        moving = f"{plant.mass:g} {axis.unit_of('kg')} at {speed} need {stop:.3g} {metre} to stop"
+        yield ("plant", "mass"), f"{moving}, the travel is {span:g} {metre}; {has}"
 
 
 def _disordered_lengths(axis: Axis) -> Iterator[tuple[Place, str]]:
     """Resolution and target window are within the following error, and that within the travel."""
     span, limit = axis.travel[1] - axis.travel[0], axis.limits.following_error
+    metre = axis.unit_of("m")
     if span > 0.0 and limit >= span:
-        reason = f"{limit:g} m is never exceeded within the travel of {span:g} m"
+        reason = f"{limit:g} {metre} is never exceeded within the travel of {span:g} {metre}"
         yield ("limits", "following_error"), reason
-    error = f"limits.following_error, {limit:g} m"
+    error = f"limits.following_error, {limit:g} {metre}"
     for key, length in (
         (("encoder", "increment"), axis.encoder.increment),
         (("encoder", "noise"), axis.encoder.noise),
         (("limits", "position_window"), axis.limits.position_window),
     ):
         if length >= limit:
-            yield key, f"{length:g} m must be below {error}"
+            yield key, f"{length:g} {metre} must be below {error}"
     friction = axis.plant.friction
     if friction.stiffness is not None and friction.coulomb / friction.stiffness >= span > 0.0:
         presliding = friction.coulomb / friction.stiffness
-        reason = f"presliding over {presliding:.4g} m (coulomb / stiffness) exceeds the travel"
+        reason = (
+            f"presliding over {presliding:.4g} {metre} (coulomb / stiffness) exceeds the travel"
+        )
         yield ("plant", "friction", "stiffness"), reason

@@ -8,9 +8,9 @@ import pytest
 
 from hil_sim.effects.library import library
 from sim2real.audit import audit_channels
-from sim2real.axis_units import angular_unit
 from sim2real.diagnosis import diagnose, examine
-from tests.unit.sim2real.conftest import TOLERANCE, stage_with
+from stagedata import angular_unit
+from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,47 @@ def test_inconsistent_values_are_one_line_at_their_place(check_refused, new, key
     check_refused(new, key_and_reason)
 
 
-def test_the_simple_law_has_no_figures_of_presliding():
+TURNING = GOOD.replace("node: 1", "node: 1\n    rotary: true", 1)
+
+
+def test_an_axis_that_turns_counts_in_a_unit_that_its_travel_fits_in() -> None:
+    text = TURNING.replace("velocity: 1.0,", "velocity: 3.0,", 1)
+    text = text.replace("[-0.15, 0.15]", "[-628.3, 628.3]", 1)
+    x, y = parse_machine(text, "m.yaml").axes.values()
+    assert (x.drive.position_unit, y.drive.position_unit) == (pytest.approx(1e-6), 1e-9)
+    assert parse_machine(TURNING, "m.yaml").axes["x"].drive.position_unit == 1e-9
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (
+            "rated_force: 40.0",
+            "position_unit: 1 nm\n      rated_force: 40.0",
+            "travel: beyond +-2.147 rad, the range of a position in 1 nrad (drive.position_unit)",
+        ),
+        (
+            "mass: 8.0",
+            "mass: 1.0e+30",
+            "plant.mass: must be at most 1e+09 kg m², is 1e+30",
+        ),
+        ("coulomb: 6.0", "coulomb: 90.0", "takes 126 N m; the drive has 120 N m at most"),
+        ("noise: 1.0e-9", "noise: 1.0", "1 rad must be below limits.following_error, 0.001 rad"),
+        (
+            "rotary: true",
+            "rotary: true\n    effects: [{effect: force_offset}]",
+            "force is missing (force against positive motion [N m])",
+        ),
+    ],
+)
+def test_texts_about_an_axis_that_turns_have_its_units(
+    problems_of: ProblemsOf, old: str, new: str, reason: str
+) -> None:
+    (line,) = problems_of(TURNING.replace("[-0.15, 0.15]", "[-3.2, 3.2]", 1).replace(old, new, 1))
+    assert reason in line
+
+
+def test_the_simple_law_has_no_figures_of_presliding() -> None:
     x = parse_machine(simple_law_text(), "m.yaml").axes["x"]
     figures = x.plant.friction.figures
     assert (figures.law, figures.coulomb, figures.static_ratio) == ("coulomb", 6.0, 0.4)
