@@ -19,8 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_sim.settings import AxisSettings
-from stagedata import F64
+from hil_sim.settings import MOST_SUBSTEPS, AxisSettings
+
+F64 = NDArray[np.float64]
 
 POSITION_STEP = 1e-4
 """Node distance of tables over position [m]."""
@@ -32,6 +33,8 @@ MOST_DELAY = 0.05
 """Longest dead time [s]."""
 LIVE_DURATION = 600.0
 """Duration of tables over time if the stage runs without end [s]."""
+_STABLE = 0.5
+"""Limit of damping x step / mass and of stiffness x step^2 / mass."""
 
 
 class Oscillator(NamedTuple):
@@ -290,27 +293,39 @@ class EffectPorts:
             return 0.0
         return float(np.interp(position, self.positions, self.misreading))
 
-    def check(self, step: float, axes: int) -> None:
-        """Check that the effects leave a plant that can be simulated.
+    def fewest_substeps(self) -> int:
+        """Fewest plant steps per control tick with which the integration is stable."""
+        return max(count for count, _ in self._needed_substeps())
 
-        Args:
-            step: of the integration [s].
-            axes: of the stage.
+    def _needed_substeps(self) -> tuple[tuple[int, str], ...]:
+        """Plant steps per control tick that damping and springs need, each with its figure."""
+        period, own = self.axis.control.period, self.axis.unit_of
+        carriage = self.mass * (1.0 - sum(h.mass_ratio for h in self.hanging))
+        stiffness = self.stiffness + abs(self.spring) + sum(k for _, k in self.hysteresis)
+        damping = self.viscous * period / carriage / _STABLE
+        bending = period * math.sqrt(stiffness / carriage / _STABLE)
+        on = f"on {carriage:g} {own('kg')}"
+        return (
+            (math.ceil(damping), f"friction of {self.viscous:g} {own('N s/m')} {on}"),
+            (math.ceil(bending), f"springs of {stiffness:g} {own('N/m')} {on}"),
+        )
+
+    def check(self) -> None:
+        """Check that the plant can be simulated with its effects.
 
         Raises:
             ValueError: naming the cause.
         """
         hanging = sum(h.mass_ratio for h in self.hanging)
         if self.mass <= 0.0:
-            raise ValueError(f"effects leave a mass of {self.mass:g} kg")
+            raise ValueError(f"effects leave a mass of {self.mass:g} {self.axis.unit_of('kg')}")
         if hanging >= 1.0:
             raise ValueError(f"effects hang {hanging:g} of the mass from the carriage")
-        carriage = self.mass * (1.0 - hanging)
-        if self.viscous * step / carriage > 0.5:
-            raise ValueError(f"friction of {self.viscous:g} N s/m on {carriage:g} kg is too much")
-        stiffness = self.stiffness + abs(self.spring) + sum(k for _, k in self.hysteresis)
-        if stiffness * step**2 / carriage > 0.5:
-            raise ValueError(f"springs of {stiffness:g} N/m on {carriage:g} kg are too stiff")
+        for count, figure in self._needed_substeps():
+            if count > MOST_SUBSTEPS:
+                raise ValueError(
+                    f"{figure} cannot be simulated in {MOST_SUBSTEPS} steps per control_period"
+                )
         if self.static_ratio <= -1.0:
             raise ValueError(f"effects leave a static_ratio of {self.static_ratio:g}")
         if not 0.0 <= self.delay <= MOST_DELAY:

@@ -109,7 +109,7 @@ class Arrays:
         start: true position of each axis [m].
         duration: of the simulation [s]; None: without end.
         substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
-            (`hil_sim.plant.coarse`).
+            (`hil_sim.plant.coarse`). A plant that is too stiff for them gets as many as it needs.
         level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
         fine: plant steps that a coarse one stands for, at least 5; of all axes or of each.
 
@@ -136,8 +136,11 @@ class Arrays:
                     f"axis {axis.name}: the friction law {axis.friction.law} needs at least "
                     f"{SUBSTEPS} plant steps per control tick"
                 )
+        self.ports = build_ports(settings, duration)
+        needed = max(ports.fewest_substeps() for ports in self.ports)
+        if needed > substeps:
+            substeps = max(needed, SUBSTEPS)
         self._steps = settings.control_period, substeps, settings.ticks
-        self.ports = build_ports(settings, duration, substeps)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
         self.plant = np.zeros(len(axes), dtype=_PLANT)

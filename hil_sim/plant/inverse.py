@@ -2,9 +2,9 @@
 
 The equations are those of `hil_sim.plant.mechanics`, solved for the motor force instead of the
 motion, without controller or demand. There is one step per sample: friction and hysteresis follow
-the positions, and only oscillators are integrated. What lies between controller and reported force
-(dead time, current loop) does not show, nor does a misreading of the encoder, whose positions are
-taken for the motion.
+the positions, and only oscillators are integrated, in as many steps as they need. What lies between
+controller and reported force (dead time, current loop) does not show, nor does a misreading of the
+encoder, whose positions are taken for the motion.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.friction.gms import Slip, slide
 from hil_sim.plant.friction.laws import GMS
@@ -66,9 +67,16 @@ def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: b
             raise ValueError("a variant has an effect that involves another axis")
         arrays.state["velocity"] = velocity[0]
         coupled = np.array([ports.coupled_mass for ports in arrays.ports])
+        steps = np.array([_swing_steps(p, settings.sync_period) for p in arrays.ports])
         course = (position, velocity, acceleration)
-        _follow(arrays.mechanics, coupled, settings.sync_period, course, force)
+        _follow(arrays.mechanics, coupled, settings.sync_period, steps, course, force)
     return force
+
+
+def _swing_steps(ports: EffectPorts, period: float) -> int:
+    """Steps per sample period [s] in which the fastest oscillator turns by less than a radian."""
+    fastest = max((o.frequency for o in (*ports.hanging, *ports.bases)), default=0.0)
+    return max(1, math.ceil(2.0 * math.pi * fastest * period))
 
 
 def force_variants(
@@ -95,13 +103,14 @@ def force_variants(
 
 
 @kernel(nogil=True)
-def _follow(m, coupled, period, course, force):  # type: ignore[no-untyped-def]
+def _follow(m, coupled, period, steps, course, force):  # type: ignore[no-untyped-def]
     """Follow a motion.
 
     Args:
         m: as in `mechanics.advance`.
         coupled: times the other axis' acceleration is a force, float64[axes] [kg].
         period: of the samples [s].
+        steps: of the oscillators per sample, int64[axes].
         course: position, velocity, acceleration [m, m/s, m/s^2], float64[K, axes] each.
         force: written, float64[K, axes] [N].
     """
@@ -138,7 +147,8 @@ def _follow(m, coupled, period, course, force):  # type: ignore[no-untyped-def]
             unpowered = drive(p, s, arena, 0.0, 0.0, resistance)
             wanted = (acceleration[k, a] - unpowered) / p.mobility
             s.net += wanted
-            swing(p, s, arena, period)
+            for _ in range(steps[a]):
+                swing(p, s, arena, period / steps[a])
             if coupled[a] != 0.0:
                 wanted += coupled[a] * acceleration[k, axes - 1 - a]
             if p.position_gain >= 0:

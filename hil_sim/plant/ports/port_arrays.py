@@ -11,8 +11,9 @@ import numpy as np
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts, Oscillator
 from hil_sim.plant.ports.current_loop import decay_of, write_delay
 from hil_sim.plant.ports.records import LISTS, TABLES, Arena
-from hil_sim.settings import SUBSTEPS, StageSettings
-from stagedata import F64
+from hil_sim.settings import StageSettings
+
+F64 = NDArray[np.float64]
 
 _FIGURES = (
     "mass", "viscous", "static_ratio", "coulomb_forward", "coulomb_backward", "force", "spring",
@@ -20,15 +21,12 @@ _FIGURES = (
 """That stand in the record as they stand in the ports."""
 
 
-def build_ports(
-    settings: StageSettings, duration: float | None, substeps: int = SUBSTEPS
-) -> list[EffectPorts]:
+def build_ports(settings: StageSettings, duration: float | None) -> list[EffectPorts]:
     """Make the ports of all axes and let their effects write into them.
 
     Args:
         settings: of the stage.
         duration: of the simulation [s]; None: without end.
-        substeps: plant steps per control tick.
 
     Raises:
         ValueError: naming axis, effect and reason.
@@ -36,9 +34,11 @@ def build_ports(
     ports = []
     for axis in settings.axes:
         try:
-            own = EffectPorts.filled(axis, settings.sync_period, duration, settings.start)
-            if axis.effects:
-                own.check(settings.control_period / substeps, len(settings.axes))
+            for effect in axis.effects:
+                effect.apply(own)
+            own.check()
+            if (own.coupled_mass or own.fields) and len(settings.axes) != 2:
+                raise ValueError("an effect that involves the other axis needs a stage of two")
         except ValueError as error:
             raise ValueError(f"axis {axis.name}: {error}") from error
         ports.append(own)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.library import EffectError, library
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import SUBSTEPS, AxisSettings
+from hil_sim.settings import AxisSettings
 from stagectl.config.machine import Effect as Wanted
 from stagectl.config.machine import Machine
 from stagectl.config.parsing.validation import sort_problems, suggest
@@ -20,24 +20,27 @@ _TRIAL = 1.0  # duration for which the ports are checked [s], arbitrary
 
 
 def add_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSettings]:
-    """The axes with the machine file's effects.
+    """The axes with the machine file's effects, which the simulator can simulate.
 
     Args:
         machine: its axes name the effects.
         axes: their settings without effects, in the same order.
 
     Raises:
-        ConfigError: an unknown effect, an unknown or missing key, or a physically impossible
-            value; one line per problem.
+        ConfigError: an unknown effect, an unknown or missing key, a physically impossible value,
+            or a plant that is too stiff; one line per problem.
     """
     try:
-        known = library()
+        known = library() if any(axis.effects for axis in machine.axes.values()) else {}
     except EffectError as error:
         raise ConfigError(f"{one_line(machine.source, 300)}: effects: {error}") from error
     problems: list[str] = []
     complete = []
     for settings, (name, axis) in zip(axes, machine.axes.items(), strict=True):
         place: tuple[str | int, ...] = ("axes", name, "effects")
+        if reason := _refusal(settings, machine):
+            problems.append(machine.document.problem(("axes", name, "plant"), reason))
+            continue
         applied = []
         for index, wanted in enumerate(axis.effects):
             found = _problems(wanted, known, settings)
@@ -68,7 +71,7 @@ def _problems(wanted: Wanted, known: dict[str, Effect], axis: AxisSettings) -> l
         hint = suggest(wanted.name, list(known))
         return [(("effect",), f"unknown effect '{one_line(wanted.name)}'{hint}", False)]
     effect = known[wanted.name]
-    keys = {p.key: p for p in effect.parameters}
+    keys = {p.key: replace(p, unit=axis.unit_of(p.unit)) for p in effect.parameters}
     found: list[Problem] = []
     extra = [key for key in wanted.parameters if key not in keys]
     for key in extra:
@@ -97,8 +100,9 @@ def _describe(parameter: Parameter) -> str:
 def _refusal(settings: AxisSettings, machine: Machine) -> str | None:
     """Why the simulator refuses the effects of this axis, or None."""
     try:
-        ports = EffectPorts.filled(settings, machine.bus.sync_period, _TRIAL)
-        ports.check(settings.control.period / SUBSTEPS, len(machine.axes))
+        for effect in settings.effects:
+            effect.apply(ports)
+        ports.check()
     except ValueError as error:
         return str(error)
     return None

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import hil_sim.settings
 
 
-_STABLE = 0.5
-"""Limit of damping x step / mass and of stiffness x step^2 / mass, the same as for effects."""
 _DEMANDED = {"velocity", "acceleration", "jerk", "following_error"}
 """Limits that the simulator has too."""
 
@@ -30,8 +28,8 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
         ConfigError: unknown effects or impossible values, or a plant too stiff for its steps.
     """
     from hil_sim import settings
+    from stagectl.config.settings.effects import add_effects
 
-    _check_steps(machine, settings.SUBSTEPS)
     axes = []
     for name, axis in machine.axes.items():
         friction, drive = axis.plant.friction, axis.drive
@@ -56,35 +54,8 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 acceleration_unit=drive.acceleration_count,
             )
         )
-    if any(axis.effects for axis in machine.axes.values()):
-        from stagectl.config.settings.effects import add_effects
-
-        axes = add_effects(machine, axes)
-    return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
-
-
-def _check_steps(machine: Machine, substeps: int) -> None:
-    """Refuse friction with which the semi-implicit integration would be unstable.
-
-    Raises:
-        ConfigError: viscous friction or stiffness is too large for the step.
-    """
-    problems = []
-    for name, axis in machine.axes.items():
-        mass, step = axis.plant.mass, axis.drive.control_period / substeps
-        for key, value, unit, gain in (
-            ("viscous", axis.plant.friction.viscous, "N s/m", step / mass),
-            ("stiffness", axis.plant.friction.figures.stiffness, "N/m", step**2 / mass),
-        ):
-            if value * gain > _STABLE:
-                reason = (
-                    f"{value:g} {unit} on {mass:g} kg cannot be simulated in steps of {step:g} s "
-                    f"(control_period/{substeps})"
-                )
-                place = ("axes", name, "plant", "friction", key)
-                problems.append(machine.document.problem(place, reason))
-    if problems:
-        raise ConfigError(problems)
+    effective = add_effects(machine, axes)
+    return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(effective))
 
 
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:

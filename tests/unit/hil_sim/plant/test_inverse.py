@@ -73,6 +73,19 @@ def test_dead_time_lies_before_the_reported_force(nominal, with_effects, effects
     assert np.array_equal(force_along(stage, motion), force_along(nominal, motion))
 
 
+def test_oscillators_faster_than_the_samples_are_followed(nominal, with_effects, effects):
+    """At 100 Hz a joint of 90 Hz has settled at every sample: both parts accelerate alike."""
+    joint = effects["resonance"].at(frequency=90.0, damping=0.03, mass_ratio=0.2)
+    slow = replace(with_effects(nominal, joint), sync_period=0.01)
+    t = np.arange(0.0, 4.0, 0.01)
+    rate = 2.0 * np.pi * 1.5
+    course = [0.02 * rate**n * np.sin(rate * t + n * np.pi / 2.0) for n in range(3)]
+    motion = tuple(np.column_stack([part] * 2) for part in course)
+    rigid = force_along(replace(nominal, sync_period=0.01), motion)
+    difference = (force_along(slow, motion) - rigid)[200:, 0]
+    assert np.abs(difference).max() < 0.02 * np.abs(rigid[200:, 0]).max()
+
+
 def test_variants_are_axes_side_by_side(nominal, with_effects, effects):
     stage = with_effects(nominal, effects["force_offset"].at(force=2.0))
     whole, _ = motion_and_force(nominal)

@@ -33,6 +33,33 @@ def test_output_is_clamped_and_the_integrator_waits(nominal):
     assert abs(response.position[-1, 0]) < 2e-5  # it comes back: nothing was wound up for long
 
 
+def test_at_rest_nothing_happens(nominal):
+    start = np.tile([0.01, -0.02], (200, 1))
+    response = simulate(nominal, start, np.zeros((200, 2)), None)
+    np.testing.assert_allclose(response.position, start, atol=1e-12)
+    assert np.abs(response.force).max() == 0.0
+
+
+@pytest.mark.parametrize("substeps", [1, 5])
+def test_a_stiff_plant_on_a_slow_tick_is_integrated_in_more_steps(nominal, substeps):
+    """30000 N/m on 8 kg swing at 10 Hz: five steps of a tick of 0.1 s cannot follow them."""
+    axes = tuple(
+        replace(
+            axis,
+            friction=replace(axis.friction, stiffness=3e4, static_ratio=0.0),
+            control=replace(axis.control, period=0.1, kp=20.0, ki=0.0, kd=10.0),
+        )
+        for axis in nominal.axes
+    )
+    slow = replace(nominal, sync_period=0.1, axes=axes)
+    demand = 0.02 * np.sin(0.2 * np.arange(200))
+    both = np.column_stack([demand] * 2)
+    push = 40.0 * np.cos(0.2 * both / 0.02)
+    made, finer = (simulate(slow, both, push, None, substeps=n) for n in (substeps, 200))
+    scale = np.ptp(finer.position, axis=0)
+    assert np.abs(made.position - finer.position).max() < 0.05 * scale.min()
+
+
 def test_shapes_that_do_not_fit_are_refused(nominal):
     with pytest.raises(ValueError, match="shape"):
         simulate(nominal, np.zeros((5, 3)), np.zeros((5, 3)), None)
