@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for, progress_bar, show_result
-from stagectl.cli.gap_measure import machine_of, measured_gap
+from stagectl.cli.gap_measure import (
+    gap_along_motion,
+    machine_of,
+    measured_gap,
+    why_along_motion,
+)
 from stagectl.cli.options import JSON_OUT, RECORDING
 
 if TYPE_CHECKING:
@@ -61,11 +66,16 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     settings = [stage_settings(machine) for machine in machines]
     recorded = {str(path): RecordingBlocks(path) for path in paths}
     console = console_for(json_out)
+    reason = why_along_motion(list(recorded.values()), machines)
     gaps = []
     with progress_bar(console, "simulating") as update:
         for model in settings:
-            each = [(measured_gap(r, model, update).gap(), r.samples) for r in recorded.values()]
-            gaps.append(pool_gaps(each))
+            each = [
+                gap_along_motion(r, model) if reason else measured_gap(r, model, update).gap()
+                for r in recorded.values()
+            ]
+            lengths = [r.samples for r in recorded.values()]
+            gaps.append(pool_gaps(list(zip(each, lengths, strict=True))))
     before, after = gaps
     share = gap_closed(before, after)
     settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
@@ -86,17 +96,22 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
         "settling": _settling_json(settled),
     }
     title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
-    gap = gap_section(both, title, "A", "B", repeats=[closed_line(share)])
+    facts = [closed_line(share)]
+    if reason:
+        facts.append(f"{reason}: forces along the measured motion.")
+    gap = gap_section(both, title, "A", "B", repeats=facts)
     show_result(report, json_out, print_sections([gap, _settling_section(settled)]))
 
 
 def closed_line(share: float | None) -> str:
     """The share of the gap closed, as a sentence."""
+    from stagectl.report.formats import percent
+
     if share is None:
         return "Gap closed cannot be stated: A's gap is too close to its floor, or too large."
     if share < 0:
         return f"B is farther from the recordings than A (gap closed: {share:.2f})."
-    return f"B closes {100 * share:.0f} % of A's gap."
+    return f"B closes {percent(share)} of A's gap."
 
 
 def _is_recording(path: Path) -> bool:
@@ -112,7 +127,8 @@ def _machine_of(path: Path) -> Machine:
     """The machine file, or the one inside a recording."""
     from stagectl.store import RecordingBlocks
 
-    return machine_of(None, RecordingBlocks(path)) if _is_recording(path) else machine_of(path)
+    recorded = [RecordingBlocks(path)] if _is_recording(path) else []
+    return machine_of(None if recorded else path, *recorded, gains=False)
 
 
 def _name(path: Path) -> str:

@@ -218,8 +218,8 @@ def _left_out(outputs: _Outputs, machine: Machine, report: GapReport) -> Iterato
         )
     elif without:
         yield (
-            f"{outputs.twin} cannot run: the controller gains of {', '.join(without)} stay "
-            "unknown, which no diagnosis finds"
+            f"{outputs.twin} is for `gap measure` and `gap compare` and cannot run: the controller "
+            f"gains of {', '.join(without)} stay unknown, which no diagnosis finds"
         )
 
 
@@ -261,13 +261,17 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
     from stagectl.store import write_atomically
 
     effects: dict[str, list[tuple[str, dict[str, Value]]]] = {}
-    plant = {axis: dict(figures) for axis, figures in found.plant.items()}
+    plant = {axis: _found_figures(machine, examined, axis) for axis in machine.unknown}
+    for figure in found.report.fitted:
+        plant[figure.axis][figure.figure] = figure.value
+    for axis, figures in found.plant.items():
+        plant[axis] = {**plant.get(axis, {}), **figures}
     comments = []
     for cause in found.report.causes:
         parameters: dict[str, Value] = {key: p.value for key, p in cause.parameters.items()}
         effects.setdefault(cause.axis, []).append((cause.effect, parameters))
     for force in found.report.empirical:
-        if force.axis not in effects:  # described beside the machine file's figures
+        if force.axis not in effects:  # described beside the figures examined
             plant[force.axis] = _found_figures(machine, examined, force.axis)
         effects.setdefault(force.axis, []).append(("residual_table", dict(force.table())))
         comments.append(
@@ -277,8 +281,8 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
         comments.append(
             "on held-out strokes; nothing says that it holds beyond the motion recorded."
         )
-    for figure in found.report.fitted:  # an axis without a cause has them, too
-        value = plant.setdefault(figure.axis, {}).setdefault(figure.figure, figure.value)
+    for figure in found.report.fitted:
+        value = plant[figure.axis][figure.figure]
         comments.append(
             f"{figure.figure} of {figure.axis}: {value:.4g} {figure.unit} fitted; the machine file "
             f"leaves it unknown."
@@ -288,12 +292,11 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
 
 def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict[str, float]:
     """What the machine file leaves unknown of an axis' plant, as the examination found it."""
-    from sim2real.fitting import plant_figure
-    from sim2real.open_loop import FIGURES
+    from sim2real.fitting import BASE, plant_figure
 
     settings = next(own for own in examined.axes if own.name == axis)
     return {
-        key: plant_figure(settings, key) for key in machine.unknown.get(axis, ()) if key in FIGURES
+        key: plant_figure(settings, key) for key in machine.unknown.get(axis, ()) if key in BASE
     }
 
 

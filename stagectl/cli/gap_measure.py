@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
-    from sim2real.gap import GapMeter
+    from sim2real.gap import Gap, GapMeter
     from stagectl.config import Machine
     from stagectl.store import RecordingBlocks
     from stagedata import Recording
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 def measure(recording: Path, machine: Path | None, json_out: Path | None) -> None:
     """Simulate the setpoints of RECORDING in closed loop and compare; nothing is fitted.
 
+    Without a demand, or with unknown gains, forces are compared along the measured motion.
+
     The gap is the rms of recorded minus simulated (noise-free) position and force. The floor is
     what a perfect model would still leave: encoder noise and the friction repeatability stated in
     the machine file. Moves that the recording repeats serve as a check of the floor.
@@ -39,18 +42,25 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     from stagectl.store import RecordingBlocks
 
     recorded = RecordingBlocks(recording)
-    model = machine_of(machine, recorded)
-    with progress_bar(console_for(json_out), "simulating") as update:
-        found = measured_gap(recorded, stage_settings(model), update)
-    gap = found.gap()
+    model = machine_of(machine, recorded, gains=False)
+    if reason := why_along_motion([recorded], [model]):
+        gap = gap_along_motion(recorded, stage_settings(model))
+        facts = [f"{reason}: forces along the measured motion."]
+    else:
+        with progress_bar(console_for(json_out), "simulating") as update:
+            found = measured_gap(recorded, stage_settings(model), update)
+        gap, facts = found.gap(), repeat_lines([found.repeats()])
     report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
     title = f"Gap of {model.name} against {recording.name} (rms)"
-    section = gap_section(gap, title, repeats=repeat_lines([found.repeats()]))
+    section = gap_section(gap, title, repeats=facts)
     show_result({**report, "gap": gap_json(gap)}, json_out, print_sections([section]))
 
 
 def machine_of(
-    machine: Path | None, *recorded: Recording | RecordingBlocks, fitted: bool = False
+    machine: Path | None,
+    *recorded: Recording | RecordingBlocks,
+    fitted: bool = False,
+    gains: bool = True,
 ) -> Machine:
     """The machine file named, or the one inside the recordings.
 
@@ -58,6 +68,7 @@ def machine_of(
         machine: its path, None for the recordings' own.
         recorded: at least one.
         fitted: whether what it leaves unknown will be found.
+        gains: whether the controller's gains are needed.
 
     Raises:
         UnusableInput: the recordings were made with different machine files.
@@ -66,7 +77,7 @@ def machine_of(
     from stagectl.config import load_machine, parse_machine
 
     if machine is not None:
-        return load_machine(machine, fitted=fitted)
+        return load_machine(machine, fitted=fitted, gains=gains)
     first = recorded[0]
     for other in recorded[1:]:
         if other.machine != first.machine:
@@ -74,7 +85,38 @@ def machine_of(
                 f"{other.source}: made with another machine file than {first.source}; "
                 "choose one with --machine"
             )
-    return parse_machine(first.machine, f"{first.source}:machine", fitted=fitted)
+    return parse_machine(first.machine, f"{first.source}:machine", fitted=fitted, gains=gains)
+
+
+def why_along_motion(
+    recorded: Sequence[RecordingBlocks], machines: Sequence[Machine]
+) -> str | None:
+    """Why forces have to be compared along the measured motion; None where the loop is simulated.
+
+    Args:
+        recorded: in which an axis may have no demand.
+        machines: which may leave gains unknown.
+    """
+    from sim2real.diagnosis.examination import why_open_loop
+
+    first = [next(iter(blocks)) for blocks in recorded]
+    reasons = (why_open_loop(first, machine.unknown) for machine in machines)
+    return next((reason for reason in reasons if reason), None)
+
+
+def gap_along_motion(recorded: RecordingBlocks, settings: StageSettings) -> Gap:
+    """The gap in force of a stage's settings along the motion of a recording.
+
+    Raises:
+        UnusableInput: the recording does not fit them.
+    """
+    from sim2real.audit import repair_samples
+    from sim2real.open_loop import compare_along, measure_motion
+    from stagectl.store import read_recording
+
+    repaired, _ = repair_samples(read_recording(recorded.source), settings)
+    with unusable(ValueError, about=f"{recorded.source}: "):
+        return compare_along(measure_motion(repaired, settings), settings).gap
 
 
 def measured_gap(

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from stagectl.config.machine import Axis, AxisName, Machine, Name
-from stagectl.config.machine.file import load_machine
 from stagectl.config.parsing.units import NotNegativeTime, Number
 from stagectl.config.parsing.validation import Section, validate
 from stagectl.config.parsing.yaml_nodes import load_document
 from stagectl.errors import ConfigError
+from stagectl.importing.log_machine import load_log_machine
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ROTARY_UNITS = {
@@ -35,8 +35,11 @@ SPEEDS = ROTARY_SPEEDS | {
 """Units of a velocity that is integrated to a position."""
 BY_FACTOR = ("A", "V")
 """Units that need a factor [N or N m per unit]."""
-OF_THE_AXIS = ("counts", "%", "permille")
-"""Units that the machine file states: encoder increments, and shares of the rated force."""
+OF_THE_AXIS = {
+    "counts": ("encoder", "increment"),
+    **dict.fromkeys(("%", "permille"), ("drive", "rated_force")),
+}
+"""Units -> section and key of the machine file that state them."""
 
 
 def unit_factor(unit: str | None, axis: Axis | None) -> float:
@@ -160,7 +163,8 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
     """
     document = load_document(path)
     found = validate(document, ImportMap)
-    machine = load_machine(path.parent / found.machine, fitted=True)
+    machine = load_log_machine(path.parent / found.machine)
+    given: Any = machine.document.data
     problems: list[str] = []
 
     def refuse(place: tuple[str, ...], reason: str, at_key: bool = False) -> None:
@@ -172,6 +176,8 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
     for name in machine.axes:
         if name not in found.axes:
             refuse(("axes",), f"axis {name} of the machine file is missing", True)
+    if found.time is None and "bus" not in given:
+        refuse(("machine",), "the machine file has no bus.sync_period, and the map no time")
     times: dict[tuple[str, ...], Column | None] = {("time",): found.time}
     times |= {("files", name, "time"): file.time for name, file in found.files.items()}
     for place, time in times.items():
@@ -190,6 +196,9 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
                 refuse((*place, "unit"), f"unknown unit {column.unit!r}; known: {listed}")
             if column.unit in BY_FACTOR and "factor" not in column.model_fields_set:
                 refuse((*place, "unit"), f"needs a factor: newtons (or N m) per {column.unit}")
+            section, key = OF_THE_AXIS.get(column.unit or "", ("", ""))
+            if section and key not in (((given["axes"].get(name) or {}).get(section)) or {}):
+                refuse((*place, "unit"), f"the machine file has no {section}.{key}")
             if column.file is not None and column.file not in found.files:
                 refuse((*place, "file"), f"no such file in `files`: {column.file}")
     if problems:

@@ -10,14 +10,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.config import stage_settings
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
 from stagectl.importing.import_map import TIMES, AxisColumns, Column, ImportMap, unit_factor
+from stagectl.importing.log_machine import completed, is_complete
 from stagectl.store.hdf5 import MAX_SAMPLES
 from stagedata import AxisSignals, Move, Recording
 
@@ -47,8 +50,11 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     Raises:
         UnusableInput: a file or a column cannot be used; names file, column, row and cause.
     """
+    given: Any = machine.document.data
     period = machine.bus.sync_period
     files = {"": _read(path, how.preamble, how.time, period, how)}
+    if "bus" not in given:
+        period = _own_period(files[""].time, path)
     for name, other in how.files.items():
         files[name] = _read(path.parent / other.path, other.preamble, other.time, period, how)
     first = files[""]
@@ -66,7 +72,19 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     if len(time) < 2:
         raise UnusableInput(f"{path}: {len(time)} samples")
     found = Recording(machine.text, "", "", time, axes, (), str(path))
-    return replace(found, moves=_moves(found, period))
+    if not is_complete(given):
+        machine = completed(given, found, period)
+        found = replace(found, machine=machine.text)
+    return replace(found, moves=_moves(found, machine, period))
+
+
+def _own_period(time: FloatArray, path: Path) -> float:
+    """Distance of the samples, holes left out [s]."""
+    steps = np.diff(time)
+    if not len(steps):
+        raise UnusableInput(f"{path}: {len(time)} samples")
+    usual = steps[steps < _SPARSE * np.median(steps)]
+    return float(f"{float(usual.mean() if len(usual) else steps[0]):.7g}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,9 +286,16 @@ def _check_holes(time: FloatArray, period: float, path: Path) -> None:
         )
 
 
-def _moves(recording: Recording, period: float) -> tuple[Move, ...]:
+def _moves(recording: Recording, machine: Machine, period: float) -> tuple[Move, ...]:
+    """The moves of the demand; without one, the strokes of the measured motion."""
+    from sim2real.open_loop import measure_motion
     from sim2real.phases import split_moves
 
+    if any("position_demand" in axis.missing for axis in recording.axes.values()):
+        try:
+            return measure_motion(recording, stage_settings(machine)).recording.moves
+        except ValueError:  # too few samples
+            return ()
     demands = {name: axis.position_demand for name, axis in recording.axes.items()}
     return tuple(
         Move(

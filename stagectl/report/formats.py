@@ -7,6 +7,8 @@ from datetime import datetime
 
 DASH = "\N{EN DASH}"
 """For a value that is unknown."""
+_EXACT = 1e-3
+"""Part in per cent that may be missing from all of something."""
 
 
 def digits(value: float | None) -> str:
@@ -33,9 +35,13 @@ def with_sigma(value: float, sigma: float) -> tuple[str, str]:
 
 
 def percent(share: float | None, decimals: int = 0, signed: bool = False) -> str:
-    """A share in per cent; a dash where it is unknown."""
+    """A share in per cent; a dash where it is unknown. Only all of something is 100 %."""
     if share is None or not math.isfinite(share):
         return DASH
+    missing = 100.0 * (1.0 - share)
+    if _EXACT < missing < 0.5 * 0.1**decimals:
+        decimals = math.ceil(-math.log10(missing))
+        share = math.floor(10.0 ** (decimals + 2) * share) / 10.0 ** (decimals + 2)
     return f"{100 * share:{'+' if signed else ''}.{decimals}f} %"
 
 

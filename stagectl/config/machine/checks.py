@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from drivers.settings import HOST_NODE
-from stagectl.config.machine.drive import POSITION_RANGE
+from stagectl.config.machine.drive import NO_BUS, POSITION_RANGE
 from stagectl.config.machine.plausible import find_contradictions, find_implausible
 from stagectl.config.parsing.yaml_nodes import Document
 from stagedata import LAW_FIGURES
@@ -76,7 +76,7 @@ def check_machine(machine: Machine, document: Document) -> list[str]:
 
 def _check_bus(bus: Bus, refuse: Refuse) -> None:
     sync, window = bus.sync_period, bus.sync_window
-    if not _whole(sync / 1e-6):
+    if bus.interface != NO_BUS and not _whole(sync / 1e-6):
         refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
     if bus.sync_counter == 1:
         refuse(("bus", "sync_counter"), "must be 0 or 2 to 240")

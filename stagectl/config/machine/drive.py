@@ -30,6 +30,20 @@ POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: fewer units than this."""
 
 
+NO_BUS = "none"
+"""Interface of the bus in the machine file of a log."""
+_USUAL_UNIT, _COARSEST_UNIT = 1e-9, 1e-3
+"""Position units that are chosen where none is stated [m]."""
+
+
+def position_unit_for(most: float) -> float:
+    """The finest power of ten, from 1 nm on, in which positions up to `most` [m] are INTEGER32."""
+    unit = _USUAL_UNIT
+    while most >= POSITION_RANGE * unit and unit < _COARSEST_UNIT:
+        unit *= 10.0
+    return unit
+
+
 class Pid(Section):
     """Position loop: kp [N/m], ki [N/(m s)], kd [N s/m], derivative's low-pass [s]."""
 
@@ -83,7 +97,7 @@ class Drive(Section):
     peak_force: PositiveForce
     current_bandwidth: Annotated[PositiveFrequency, Plausible(1e-3, 1e9, "Hz")]
     control_period: Annotated[PositiveTime, Plausible(1e-6, 1.0, "s")]
-    position_unit: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")] = 1e-9
+    position_unit: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")] = _USUAL_UNIT
     velocity_unit: Annotated[PositiveVelocity | None, Plausible(1e-15, 1e3, "m/s")] = None
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"

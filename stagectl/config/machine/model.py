@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from drivers.settings import RealTimeSettings, SyncSource
-from stagectl.config.machine.drive import POSITION_RANGE, Drive
+from stagectl.config.machine.drive import Drive, position_unit_for
 from stagectl.config.machine.plant import Plant
 from stagectl.config.machine.plausible import Plausible
 from stagectl.config.parsing.units import (
@@ -36,9 +36,6 @@ from stagectl.config.parsing.units import (
 from stagectl.config.parsing.validation import Section, refusal
 from stagectl.config.parsing.yaml_nodes import Document, describe_value
 from stagedata import angular_unit
-
-_COARSEST = 1e-3
-"""Coarsest position unit that is chosen where none is stated [m]."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -194,10 +191,7 @@ class Axis(Section):
         reach = max(map(abs, given.get("travel", ())), default=0.0)
         speed = given["limits"].velocity if "limits" in given else 0.0
         most = max(reach, 0.0 if drive.velocity_unit is not None else speed)
-        unit = drive.position_unit
-        while most >= POSITION_RANGE * unit and unit < _COARSEST:
-            unit *= 10.0
-        return drive.model_copy(update={"position_unit": unit})
+        return drive.model_copy(update={"position_unit": position_unit_for(most)})
 
     def unit_of(self, unit: str) -> str:
         """The unit on this axis of what has `unit` on an axis that slides."""

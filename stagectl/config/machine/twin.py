@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import yaml
 
 from hil_sim.effects import Value
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.machine.model import Machine
+from stagectl.config.machine.unknown import spell_out
 from stagectl.errors import StagectlError
 
 
@@ -34,7 +33,7 @@ def render_twin(
     """
     from stagectl.config.settings.package_settings import stage_settings  # made of machines
 
-    document: Any = copy.deepcopy(machine.document.data)
+    document = spell_out(machine.document)
     axes = document["axes"]
     for name in {*effects, *(plant or {})}:
         if name not in axes:

@@ -25,6 +25,8 @@ GAINS = "gains"
 _FRICTION = (
     "coulomb", "viscous", "static_ratio", "stribeck_velocity", "stiffness", "attraction",
 )  # fmt: skip
+_ANY_FRICTION = {"model": "gms", "elements": 4, "stribeck_shape": 1.0}
+"""What the word `friction: unknown` stands for, beside figures that are unknown."""
 _ANY_GAINS = {"kp": 1.0, "ki": 0.0, "kd": 1.0, "derivative_time": 0.0}
 _FRICTION_SHARE, _PRESLIDING, _RELAXATION = 0.02, 1e-4, 200.0
 """Coulomb force over peak force, presliding over travel, and C/Fc [1/s]."""
@@ -48,6 +50,22 @@ class Unknown:
     axes: Mapping[str, tuple[str, ...]]
     places: tuple[Place, ...]
 
+    @property
+    def of_the_plant(self) -> tuple[Place, ...]:
+        """The places but for those of gains."""
+        return tuple(place for place in self.places if "drive" not in place)
+
+
+def spell_out(document: Document) -> Any:
+    """A copy of a file's values, with each figure where it says `friction: unknown`."""
+    data: Any = copy.deepcopy(document.data)
+    axes = data.get("axes") if isinstance(data, dict) else None
+    for axis in axes.values() if isinstance(axes, dict) else ():
+        plant = axis.get("plant") if isinstance(axis, dict) else None
+        if isinstance(plant, dict) and plant.get("friction") == UNKNOWN:
+            plant["friction"] = {**_ANY_FRICTION, **dict.fromkeys(_FRICTION, UNKNOWN)}
+    return data
+
 
 def take_unknown(document: Document) -> tuple[Any, Unknown]:
     """The values of a machine file with numbers where it says `unknown`, and where that was.
@@ -57,7 +75,7 @@ def take_unknown(document: Document) -> tuple[Any, Unknown]:
     Raises:
         ConfigError: an axis has both pid and cascade, at least one of them unknown.
     """
-    data: Any = copy.deepcopy(document.data)
+    data = spell_out(document)
     found: dict[str, tuple[str, ...]] = {}
     places: list[Place] = []
     axes = data.get("axes") if isinstance(data, dict) else None

@@ -11,8 +11,10 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from stagectl.cli.gap_compare import compare
 from stagectl.cli.gap_diagnose import _keep_measurement, diagnose
 from stagectl.cli.gap_import import import_data
+from stagectl.cli.gap_measure import measure
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
 from stagectl.measurement import Measurement, measure_virtual_stage
@@ -140,10 +142,20 @@ def imported(machine, tmp_path):
 def test_a_twin_has_the_figures_fitted_and_says_why_it_cannot_run(tmp_path):
     path, twin = imported(TOOL, tmp_path)
     result = CliRunner().invoke(diagnose, [str(path), "--twin", str(twin), "--jobs", "1"])
-    assert "twin.yamlcannotrun:thecontrollergainsofa" in "".join(result.output.split())
+    said = "".join(result.output.split())
+    assert "twin.yamlisfor`gapmeasure`and`gapcompare`andcannotrun:thecontroller" in said
     text = twin.read_text()
     assert "kg fitted; the machine file leaves it unknown" in text
     assert yaml.safe_load(text)["axes"]["a"]["plant"]["mass"] == pytest.approx(300.0, rel=0.05)
+    measured = CliRunner().invoke(measure, [str(path), "--machine", str(twin), "--json", "-"])
+    assert measured.exit_code == 0, measured.output
+    force = json.loads(measured.output)["gap"]["a"]["force"]
+    assert force["nominal"] < 1.5 * force["floor"]
+    worse = tmp_path / "worse.yaml"
+    worse.write_text(text.replace("effects:", "effects: []\n    was:").split("    was:")[0])
+    compared = CliRunner().invoke(compare, [str(worse), str(twin), str(path), "--json", "-"])
+    assert compared.exit_code == 0, compared.output
+    assert json.loads(compared.output)["gap_closed"] > 0.9
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stagectl.report.formats import digits, listed, micrometres, milliseconds, with_sigma
+from stagectl.report.formats import digits, listed, micrometres, milliseconds, percent, with_sigma
 
 
 @pytest.mark.parametrize(
@@ -32,3 +32,14 @@ def test_a_value_has_the_digits_that_its_sigma_has_a_say_in():
 def test_names_as_in_a_sentence():
     assert listed(["a"]) == "a"
     assert listed(["a", "b", "c"]) == "a, b and c"
+
+
+@pytest.mark.parametrize(
+    ("share", "decimals", "text"),
+    [
+        (1.0, 0, "100 %"), (0.99999999, 0, "100 %"), (0.9962, 0, "99.6 %"), (0.9996, 0, "99.96 %"),
+        (0.9996, 1, "99.96 %"), (0.994, 0, "99 %"), (1.004, 0, "100 %"), (0.07, 0, "7 %"),
+    ],
+)  # fmt: skip
+def test_only_all_of_it_is_a_hundred_per_cent(share: float, decimals: int, text: str):
+    assert percent(share, decimals) == text

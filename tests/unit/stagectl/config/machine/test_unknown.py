@@ -39,7 +39,25 @@ def test_a_diagnosis_gets_a_machine_that_can_move():
     assert machine.axes["y"] == load_machine(None).axes["y"]
 
 
-CASCADE = "{position_gain: 100.0, velocity_gain: 2000.0, derivative_time: 1e-4}"
+def test_friction_may_be_unknown_as_a_whole():
+    text = load_machine(None).text.replace("&", "")
+    begin = text.index("      friction:")
+    end = text.index("  y:")
+    whole = text[:begin] + "      friction: unknown\n" + text[end:]
+    x = parse_machine(whole, "M.yaml", fitted=True)
+    assert set(x.unknown["x"]) == {
+        "coulomb", "viscous", "static_ratio", "stribeck_velocity", "stiffness", "attraction"
+    }  # fmt: skip
+    assert stage_settings(x).axes[0].friction.elements == 4
+    with pytest.raises(ConfigError, match=r"friction\.coulomb: is unknown; only `gap diagnose`"):
+        parse_machine(whole, "M.yaml")
+
+
+def test_gains_may_be_unknown_where_no_loop_is_simulated(text):
+    unknown = with_unknown(text, "pid")
+    assert parse_machine(unknown, "M.yaml", gains=False).unknown == {"x": ("gains",)}
+    with pytest.raises(ConfigError, match=r"mass: is unknown"):
+        parse_machine(with_unknown(unknown, "mass"), "M.yaml", gains=False)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,76 @@
+"""Machine files that leave to the log what it knows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stagectl.config import parse_machine
+from stagectl.errors import ConfigError
+from stagectl.importing import import_recording, load_map
+from tests.unit.sim2real.other_machines import BELT, ROBOT, TOOL, strokes
+
+LOG = "machine: press\naxes:\n  a:\n    plant: {mass: unknown, friction: unknown}\n"
+SHORT = replace(TOOL, motion=strokes(0.4, (0.3,), 1.0), duration=12.0)
+
+
+def imported(machine, folder, text=LOG):
+    data, how = machine.write(folder)
+    (folder / "machine.yaml").write_text(text)
+    recording = import_recording(data, *load_map(how))
+    return recording, parse_machine(recording.machine, "completed", fitted=True)
+
+
+def test_what_a_machine_file_leaves_out_is_as_the_log_has_it(tmp_path):
+    recording, machine = imported(SHORT, tmp_path)
+    a, moved = machine.axes["a"], recording.axes["a"]
+    assert machine.bus.sync_period == pytest.approx(0.01)
+    assert a.travel[0] < moved.position_actual.min() < moved.position_actual.max() < a.travel[1]
+    assert a.limits.velocity == pytest.approx(0.36, rel=0.02)
+    assert 1.0 < a.limits.acceleration < 2.0
+    assert a.drive.rated_force == pytest.approx(np.abs(moved.force_actual).max(), rel=1e-3)
+    assert {"mass", "coulomb", "viscous", "stiffness", "gains"} <= set(machine.unknown["a"])
+    assert a.plant.friction.model == "gms"
+
+
+@pytest.mark.parametrize("period", [1.0 / 300.0, 0.02])
+def test_the_period_is_that_of_the_log(tmp_path, period):
+    recording, machine = imported(replace(SHORT, rate=1.0 / period), tmp_path)
+    assert machine.bus.sync_period == pytest.approx(period, rel=1e-5)
+    assert machine.bus.sync_period % machine.axes["a"].drive.control_period == pytest.approx(
+        0.0, abs=1e-9
+    )
+    assert len(recording) == round(12.0 / period)
+
+
+def test_what_it_says_stays(tmp_path):
+    text = LOG + "    travel: [-1, 2]\n    rotary: true\n    drive: {rated_force: 2 kN}\n"
+    _, machine = imported(SHORT, tmp_path, text)
+    a = machine.axes["a"]
+    assert (a.travel, a.rotary, a.drive.rated_force) == ((-1.0, 2.0), True, 2000.0)
+
+
+def test_turns_of_a_joint_are_counted(tmp_path):
+    many = replace(ROBOT, motion=lambda t: 40.0 * ROBOT.motion(t), duration=5.0)
+    _, machine = imported(many, tmp_path, LOG + "    rotary: true\n")
+    assert machine.axes["a"].travel[1] > 10.0
+
+
+def test_units_that_only_the_file_can_state_are_asked_for(tmp_path):
+    with pytest.raises(ConfigError, match=r"force_actual\.unit: the machine file has no drive"):
+        imported(BELT, tmp_path)
+
+
+def test_without_times_the_period_is_asked_for(tmp_path):
+    _, how = SHORT.write(tmp_path)
+    (tmp_path / "machine.yaml").write_text(LOG)
+    how.write_text(how.read_text().replace("time: {column: time}\n", ""))
+    with pytest.raises(ConfigError, match=r"no bus\.sync_period, and the map no time"):
+        load_map(how)
+
+
+def test_without_a_demand_strokes_are_moves(tmp_path):
+    """Of 1.63 s each, with a rest of 0.25 s, from 0.3 s on; noise of 1 um is no motion."""
+    recording, _ = imported(SHORT, tmp_path)
+    assert len(recording.moves) == 7
+    assert {round(abs(m.target["a"] - m.origin["a"]), 2) for m in recording.moves[:-1]} == {0.4}
