@@ -12,5 +12,6 @@ from sim2real.audit.channels import delay_finding as delay_finding
 from sim2real.audit.channels import mark_applied as mark_applied
 from sim2real.audit.corrections import remove_delay as remove_delay
 from sim2real.audit.sample_repair import repair_samples as repair_samples
+from sim2real.audit.signal_checks import check_position as check_position
 from sim2real.audit.signal_checks import check_quantisation as check_quantisation
 from sim2real.audit.signal_checks import check_time as check_time

@@ -23,6 +23,7 @@ from sim2real.audit.law_hypotheses import (
     find_hypothesis,
     fit_hypothesis,
     log_lateness,
+    rest_of_scale,
 )
 from sim2real.audit.signal_checks import (
     check_constant,
@@ -33,6 +34,7 @@ from sim2real.audit.signal_checks import (
     check_time,
     match_unit,
     note,
+    scale_finding,
 )
 from sim2real.axis_units import unit_on
 from sim2real.findings import ChannelFinding
@@ -136,6 +138,9 @@ def audit_channels(recording: Recording, settings: StageSettings) -> Audit:
     for axis in settings.axes:
         audit.take(check_quantisation(audit.recording.axes[axis.name], axis))
     dead = {f.axis for f in audit.findings if f.finding == "constant"}
+    for axis in settings.axes:
+        if axis.name not in dead:
+            audit.refine_scale(axis)
     expected = _expected_remainders(audit.recording, settings)
     for axis in settings.axes:
         if axis.name not in dead:
@@ -225,6 +230,17 @@ class _Corrected:
         """The controller of an axis."""
         replay = prepare_replay(self.recording, self.settings)
         return reconstruct_law(replay, self.settings, axis.name)
+
+    def refine_scale(self, axis: AxisSettings) -> None:
+        """Make a scale of the position exact that was found without rests, by the law."""
+        for place, finding in enumerate(self.findings):
+            if (finding.axis, finding.channel, finding.finding) == (
+                axis.name, "position_actual", "scale",
+            ):  # fmt: skip
+                rest = rest_of_scale(self.law(axis))
+                value = rest * (finding.value or 1.0)
+                self.findings[place] = scale_finding(axis, value)
+                self.recording = rescale(self.recording, [scale_finding(axis, rest)])
 
     def check_law(self, axis: AxisSettings, expected: float) -> None:
         """Check an axis against its controller's law.

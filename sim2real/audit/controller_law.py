@@ -137,6 +137,11 @@ class ControllerLaw:
         parts: FloatArray = np.stack((self.control.kp * error, integral, damping, offset))
         return parts
 
+    def with_positions_divided(self, factor: float) -> ControllerLaw:
+        """The law of a log whose positions were scaled by a factor."""
+        spline = self.encoder
+        return replace(self, encoder=CubicSpline.construct_fast(spline.c / factor, spline.x))
+
     def position_error_columns(self) -> FloatArray:
         """Force per error of the logged position, float64[2, K]: by its offset [N/m], scale [N]."""
         time = self.place * self.period

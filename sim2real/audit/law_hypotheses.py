@@ -50,6 +50,8 @@ _FREED = {
 """What may be free in the law (nothing, one common factor, one part, every part): float64[4, n],
 the parts of each free factor."""
 GAINS = tuple(_FREED)
+_ROUGH, _ROUGH_STEPS = 0.02, 21
+"""Uncertainty of a scale that was found in motion, and the factors tried within it."""
 _MOVING = 0.02
 """Speed above which friction is simple enough for inertia to be fitted [m/s]."""
 _WHOLE = 0.02
@@ -225,6 +227,25 @@ def _fit_products(products: FloatArray, timing: str, value: float, gains: str) -
     elif found[own] != 0.0:
         left /= abs(float(found[own]))  # in newtons of the law, whatever the log's unit
     return LawHypothesis(timing, value, gains, tuple(float(f) for f in factors), left)
+
+
+def rest_of_scale(law: ControllerLaw) -> float:
+    """By how much logged positions are still scaled that were divided by a rough scale.
+
+    1 where no factor makes the law fit much better than the others do.
+    """
+    part = law.most_travelled(_SEARCHED)
+
+    def left(factor: float) -> float:
+        return fit_hypothesis(part.with_positions_divided(factor)).remainder
+
+    low, high = 1.0 - _ROUGH, 1.0 + _ROUGH
+    grid = np.linspace(low, high, _ROUGH_STEPS)
+    near, step = float(grid[np.argmin([left(f) for f in grid])]), float(grid[1] - grid[0])
+    found = minimize_scalar(
+        left, bounds=(near - step, near + step), method="bounded", options={"xatol": 1e-8}
+    )
+    return float(found.x) if found.fun < 0.5 * min(left(low), left(high)) else 1.0
 
 
 def log_lateness(law: ControllerLaw, lag: float) -> float:

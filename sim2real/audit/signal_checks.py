@@ -32,6 +32,12 @@ _JITTER = 0.05
 """Host time stamps that scatter by more than this share of the SYNC period are reported."""
 _SCALE = 2e-4
 """Relative deviation of the logged position's scale from which it is reported."""
+_SCALE_IN_MOTION = 5e-3
+"""As `_SCALE`, of a recording without rests."""
+_SLOWED = 3.0
+"""Multiple of the loss of amplitude that a lagging loop explains: within it there is no scale."""
+_PARTS = 8
+"""Parts of a recording, each left out once, that show how well a scale is known."""
 _OFFSET = 5e-6
 """Logged minus demanded position at rest beyond which the log has an offset [m]."""
 _CERTAIN = 5.0
@@ -127,22 +133,59 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     if abs(rough + 1.0) < _CLOSE:
         return [note(axis.name, "position_actual", "sign", -1.0, "has the wrong sign")]
     resting = valid & (split_phases(demand, period).phase == REST)
-    if resting.sum() < 20 or np.ptp(demand[resting]) < _SPREAD:
-        return []
     ends = np.flatnonzero(resting & ~np.append(resting[1:], False))
+    if len(ends) < _FEWEST or resting.sum() < 20 or np.ptp(demand[resting]) < _SPREAD:
+        scale = _scale_in_motion(demand, actual, valid, period)
+        return [] if scale is None else [scale_finding(axis, scale)]
     line, (off_scale, off_place) = _line(demand[ends], actual[ends])
     slope, offset = line.tolist()
     found = []
     if abs(slope - 1.0) > max(_SCALE, _CERTAIN * off_scale):
-        found.append(
-            note(axis.name, "position_actual", "scale", slope, f"is scaled by {slope:.5g}")
-        )
+        found.append(scale_finding(axis, slope))
     if axis.control.ki > 0 and abs(offset) > max(_OFFSET, _CERTAIN * off_place):
         words = f"is off by {offset * 1e6:.3g} {unit_on(axis, 'µm')}"
         found.append(
             note(axis.name, "position_actual", "offset", offset, words, unit_on(axis, "m"))
         )
     return found
+
+
+def scale_finding(axis: AxisSettings, scale: float) -> ChannelFinding:
+    """The logged positions of an axis are the real ones times a scale."""
+    return note(axis.name, "position_actual", "scale", scale, f"is scaled by {scale:.5g}")
+
+
+def _scale_in_motion(
+    demand: FloatArray, actual: FloatArray, valid: BoolArray, period: float
+) -> float | None:
+    """The ratio of logged to demanded position where there are no rests; None where it may be 1.
+
+    A loop that lags by T has a smaller amplitude, too: by about the square of T times the rate of
+    the motion. Springs and friction that a loop does not settle are far smaller than what counts.
+
+    Args:
+        demand: position, float64[K] [m].
+        actual: position as logged, float64[K] [m].
+        valid: bool[K].
+        period: of the samples [s].
+    """
+    velocity = np.gradient(demand, period)
+    columns = np.column_stack((demand, velocity, np.ones(len(demand))))[valid]
+    columns[:, 0] -= columns[:, 0].mean()
+    logged = actual[valid]
+    solved = np.linalg.lstsq(columns, logged, rcond=None)[0]
+    parts = np.array_split(np.arange(len(logged)), _PARTS)
+    without = [
+        np.linalg.lstsq(np.delete(columns, p, axis=0), np.delete(logged, p), rcond=None)[0][0]
+        for p in parts
+    ]
+    sigma = float(np.std(without)) * math.sqrt(_PARTS - 1)
+    scale = float(solved[0])
+    lag = float(solved[1]) / scale if scale else math.inf
+    slowed = (lag * float(np.std(columns[:, 1]) / np.std(columns[:, 0]))) ** 2
+    if abs(scale - 1.0) > max(_SCALE_IN_MOTION, _CERTAIN * sigma, _SLOWED * slowed):
+        return scale
+    return None
 
 
 def _line(demand: FloatArray, actual: FloatArray) -> tuple[FloatArray, FloatArray]:

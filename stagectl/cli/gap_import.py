@@ -25,7 +25,7 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
     drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md; example:
     examples/emps.
     """
-    from stagectl.importing import import_recording, load_map, unlike_rotary
+    from stagectl.importing import doubtful_positions, import_recording, load_map, unlike_rotary
     from stagectl.store import write_recording
 
     target = Path(f"{data.stem}.h5") if out is None else out
@@ -39,6 +39,8 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
             "diagnosis will not look for the weight of what it carries (unbalance)",
             err=True,
         )
+    for text in doubtful_positions(recording):
+        click.echo(f"axis {text}, measured by position_demand: check the map", err=True)
     seconds = recording.time[-1]
     click.echo(
         f"{target}: {len(recording)} samples, {seconds:.4g} s, {len(recording.moves)} moves, "

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stagectl.config import stage_settings
+from stagectl.config import parse_machine, stage_settings
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
@@ -85,6 +85,20 @@ def _own_period(time: FloatArray, path: Path) -> float:
         raise UnusableInput(f"{path}: {len(time)} samples")
     usual = steps[steps < _SPARSE * np.median(steps)]
     return float(f"{float(usual.mean() if len(usual) else steps[0]):.7g}")
+
+
+def doubtful_positions(recording: Recording) -> list[str]:
+    """Positions in another unit, sign or scale than their demand, one sentence each."""
+    from sim2real.audit import check_position
+
+    settings = stage_settings(parse_machine(recording.machine, recording.source, fitted=True))
+    return [
+        finding.text
+        for axis in settings.axes
+        if "position_demand" not in recording.axes[axis.name].missing
+        for finding in check_position(recording.axes[axis.name], axis, settings.sync_period)
+        if finding.finding != "offset"
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

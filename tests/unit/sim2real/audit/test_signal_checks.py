@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from hil_sim.plant import simulate
 from sim2real.audit import audit_channels
 from sim2real.audit.signal_checks import check_position
+from stagedata import AxisSignals, Recording
 from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
 
 
@@ -54,6 +57,45 @@ def test_missed_samples_and_late_stamps_are_no_fault(stage, recorded):
     found = audit_channels(replace(holed, time=late), stage)
     assert [f.finding for f in found.findings if f.channel != "time"] == []
     np.testing.assert_array_equal(np.rint(found.recording.time / 1e-3), np.arange(SAMPLES))
+
+
+@pytest.fixture(scope="module")
+def restless(stage):
+    """A recording of sines, without any rest."""
+    t = np.arange(3000) * 1e-3
+    ramp = np.clip(t / 0.5, 0.0, 1.0) ** 3
+    x = 0.05 * np.sin(2 * np.pi * 0.8 * t) + 0.008 * np.sin(2 * np.pi * 2.3 * t)
+    demand = np.column_stack([ramp * x, ramp * 0.04 * np.sin(2 * np.pi * 0.6 * t)])
+    made = simulate(stage, demand, np.zeros_like(demand), 3)
+    axes = {
+        axis.name: AxisSignals(
+            demand[:, a], np.zeros(len(t)), made.position[:, a], made.force[:, a], None, t >= 0.0
+        )
+        for a, axis in enumerate(stage.axes)
+    }
+    return Recording("", "", "", t, axes, (), "restless")
+
+
+@pytest.mark.parametrize("scale", [1.01, 1.2, 2.0])
+def test_a_scale_is_found_without_rests_and_made_exact_by_the_law(stage, restless, scale):
+    found = audit_channels(spoilt(restless, position_actual=lambda y: scale * y), stage)
+    findings = [f for f in found.findings if f.finding != "saturation"]
+    assert [(f.axis, f.channel, f.finding) for f in findings] == [("x", "position_actual", "scale")]
+    assert findings[0].value == pytest.approx(scale, rel=1e-5)
+    assert not audit_channels(restless, stage).misleading
+
+
+@pytest.mark.parametrize("lag", [0.01, 0.1])
+@pytest.mark.parametrize("scale", [1.0, 1.2])
+def test_a_loop_that_lags_is_no_scale(stage, lag, scale):
+    """Its amplitude is smaller: at 0.3 Hz and 0.1 s by 2 %."""
+    t = np.arange(20_000) * 1e-3
+    demand = 0.1 * np.sin(2 * np.pi * 0.3 * t)
+    keep = lag / (lag + 1e-3)
+    actual = scale * lfilter([1.0 - keep], [1.0, -keep], demand)
+    signals = AxisSignals(demand, 0.0 * t, actual, 0.0 * t, None, t >= 0.0)
+    found = check_position(signals, stage.axes[0], 1e-3)
+    assert [f.value for f in found] == [pytest.approx(scale, rel=0.04)] * (scale != 1.0)
 
 
 def test_a_loop_that_has_not_settled_is_no_scale(stage, recorded):
