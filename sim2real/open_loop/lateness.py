@@ -23,7 +23,7 @@ from stagedata import AxisSignals, BoolArray
 
 F64 = NDArray[np.float64]
 
-_SAMPLES, _SECONDS = 8, 0.01
+_SAMPLES, _SECONDS = 8, 0.05
 """Longest delay that is looked for, in samples or in seconds, whichever is longer."""
 _STEP = 0.1
 """Distance of the delays tried, in periods of the cutoff."""

@@ -29,6 +29,13 @@ def test_a_late_or_early_force_is_measured(tmp_path, machine, samples):
     assert found.sigma < 0.1 * motion.period
 
 
+@pytest.mark.parametrize("delay", [-0.04, -0.02, 0.02, 0.04])
+def test_forces_logged_long_before_or_after_their_motion_are_measured(tmp_path, delay):
+    recording, stage = imported(replace(SCREW, duration=10.0), tmp_path)
+    motion = measure_motion(delayed(recording, delay * SCREW.rate), stage)
+    assert find_delay(motion, stage.axes[0]).value == pytest.approx(delay, abs=5e-4)
+
+
 @pytest.mark.parametrize("samples", [-1, 0, 1])
 @pytest.mark.parametrize("machine", [SCREW, TOOL, ACTUATOR])
 def test_a_sample_either_way_is_usual(tmp_path, machine, samples):
