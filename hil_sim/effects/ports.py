@@ -82,6 +82,8 @@ class EffectPorts:
         saturation: motor force is this times tanh(F / this) [N]; inf: none.
         force: constant disturbance [N].
         spring: disturbance per position [N/m].
+        load_friction: Coulomb force per force transmitted to the load.
+        motor_share: part of the mass that is on the near side of the transmission.
     """
 
     def __init__(
@@ -106,6 +108,8 @@ class EffectPorts:
         self.saturation = float("inf")
         self.force = 0.0
         self.spring = 0.0
+        self.load_friction = 0.0
+        self.motor_share = 0.0
         self.position_force: F64 | None = None
         self.position_coulomb: F64 | None = None
         self.position_gain: F64 | None = None
@@ -223,6 +227,17 @@ class EffectPorts:
         """Factor on Fc 1 + amplitude exp(-t/time_constant) [s]; t is 0 on the stage's clock."""
         left = math.exp(-self._start / time_constant)
         self.decays.append((amplitude * left, time_constant))
+
+    def press(self, ratio: float, motor_share: float) -> None:
+        """Coulomb force `ratio` times that transmitted to the load, whatever its sign.
+
+        Args:
+            ratio: those of several effects add up.
+            motor_share: part of the mass on the near side of the transmission, 0..1; that of the
+                last effect counts.
+        """
+        self.load_friction += ratio
+        self.motor_share = motor_share
 
     def scale_field_coulomb(self, own: F64, other: F64, factor: F64) -> None:
         """Factor on Fc over the positions of this axis and the other one.

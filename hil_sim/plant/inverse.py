@@ -130,6 +130,10 @@ def _follow(m, coupled, period, steps, course, force):  # type: ignore[no-untype
             if p.ported:
                 refresh(plant[a], state[a], position[k, axes - 1 - a], arena, 0.0, period)
                 drag(p, arena, dx)
+                if p.load_friction > 0.0:
+                    drive(p, s, arena, 0.0, 0.0, 0.0)
+                    lacking = p.mass * acceleration[k, a] - s.net
+                    s.transmitted += (1.0 - p.motor_share) * lacking
                 level *= coulomb_factor(p, s, dx)
             if dx != 0.0:
                 direction = math.copysign(1.0, dx)

@@ -184,16 +184,17 @@ def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
 
 @kernel()
 def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
-    """Factor on Fc at the present position, time and direction."""
+    """Factor on Fc at the present position, time, direction and load."""
     value = s.coulomb + s.coulomb_slope * (s.position - s.place)
-    return max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
+    value = max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
+    return value + p.load_friction * abs(s.transmitted)
 
 
 @kernel()
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
     """Acceleration of the carriage relative to the base [m/s^2], without coupling.
 
-    Sets `net`, `sprung`, `response` and `rise`.
+    Sets `net`, `transmitted`, `sprung`, `response` and `rise`.
 
     Args:
         p: record of the axis.
@@ -225,11 +226,14 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
             response *= gain
     s.response = response
     against = s.pull + s.pull_slope * away + s.push + s.push_rate * since
+    rubbing = 0.0
     if p.velocity_force >= 0:
-        against += over_velocity(arena, p, s.velocity)
+        rubbing = over_velocity(arena, p, s.velocity)
+        against += rubbing
     for i in range(p.hysteresis_count):
         against += arena[p.hysteresis + 3 * i + 2]
     s.net = force - resistance - against
+    s.transmitted = against - rubbing + (1.0 - p.motor_share) * s.net
     sprung = 0.0
     for i in range(p.hanging_count):
         at = p.hanging + 5 * i

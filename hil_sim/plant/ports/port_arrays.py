@@ -17,6 +17,7 @@ F64 = NDArray[np.float64]
 
 _FIGURES = (
     "mass", "viscous", "static_ratio", "coulomb_forward", "coulomb_backward", "force", "spring",
+    "motor_share",
 )  # fmt: skip
 """That stand in the record as they stand in the ports."""
 
@@ -68,6 +69,7 @@ def write_ports(
         or ports.force != 0.0
         or ports.spring != 0.0
         or ports.coupled_mass != 0.0
+        or ports.load_friction != 0.0
         or math.isfinite(ports.saturation)
         or any(record[name] >= 0 for name in (*TABLES, *LISTS, "history"))
     )
@@ -81,6 +83,7 @@ def _write_values(record: np.void, ports: EffectPorts, period: float, substeps: 
     record["coulomb"] = friction.coulomb * ports.coulomb
     record["current_gain"] = 1.0 - math.exp(-decay_of(ports, period, substeps))
     record["gain"] = ports.force_constant
+    record["load_friction"] = ports.load_friction / record["coulomb"]
     record["saturation"] = ports.saturation if math.isfinite(ports.saturation) else 0.0
 
 

@@ -29,7 +29,14 @@ PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
     ("on_load", "?"),  # the encoder is on the part that hangs from the carriage
     ("coupled", "?"),  # the axes are solved jointly
-    *of_type("f8", "gain", "saturation", "coulomb_forward", "coulomb_backward", "force", "spring"),
+    ("gain", "f8"),
+    ("saturation", "f8"),
+    ("coulomb_forward", "f8"),
+    ("coulomb_backward", "f8"),
+    ("force", "f8"),
+    ("spring", "f8"),
+    ("load_friction", "f8"),  # factor on Fc per force transmitted to the load [1/N]
+    ("motor_share", "f8"),  # of the mass, on the near side of the transmission
     ("mobility", "f8"),  # relative acceleration per force on the carriage [1/kg]
     *of_type("f8", "table_low", "table_inverse", "velocity_scale", "motor_scale", "time_inverse"),
     *of_type("i8", "table_count", "velocity_nodes", "time_count", *TABLES, *LISTS),
@@ -59,6 +66,7 @@ PORT_STATE_FIELDS = [
     ("misread_slope", "f8"),
     ("deflection", "f8"),  # of that part [m]
     ("net", "f8"),  # force on the carriage without coupling and springs [N]
+    ("transmitted", "f8"),  # force through the transmission to the load [N]
     ("sprung", "f8"),  # force of the oscillators on it [N]
     ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
     ("response", "f8"),  # change of motor force per change of measured force

@@ -40,6 +40,7 @@ VALUES = {
     "transmission_ripple": {"amplitude": 0.7, "pitch": 2.5e-3, "phase": 1.0},
     "torque_ripple": {"ratio": 0.03, "pitch": 4e-3, "phase": 0.3},
     "unbalance": {"torque": 0.9, "phase": 0.4},
+    "load_friction": {"ratio": 0.08, "motor_share": 0.3},
 }
 
 PERIOD, SUBSTEPS, STEP = 1e-4, 5, 2e-5
@@ -102,7 +103,7 @@ class PlainAxis:
         if "torque_ripple" in on:
             o = on["torque_ripple"]
             force *= 1.0 + o["ratio"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
-        against = self.of("force_offset", "force", 0.0) + self.h
+        against, rubbing = self.of("force_offset", "force", 0.0) + self.h, 0.0
         if "cogging" in on:
             o = on["cogging"]
             against += o["amplitude"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
@@ -114,7 +115,7 @@ class PlainAxis:
         if "low_speed_friction" in on:
             o, share = on["low_speed_friction"], self.v / on["low_speed_friction"]["speed"]
             level = self.axis.friction.coulomb * o["ratio"]
-            against += level * math.tanh(5.0 * share) * math.exp(-abs(share))
+            rubbing += level * math.tanh(5.0 * share) * math.exp(-abs(share))
         if "cable_stiffness" in on:
             against += on["cable_stiffness"]["stiffness"] * (x - on["cable_stiffness"]["center"])
         if "floor_vibration" in on:
@@ -122,7 +123,10 @@ class PlainAxis:
             against += o["amplitude"] * math.sin(2.0 * math.pi * o["frequency"] * t + o["phase"])
         viscous = self.axis.friction.viscous * self.of("viscous_damping", "ratio", 1.0)
         viscous *= 1.0 + math.copysign(self.of("viscous_asymmetry", "ratio", 0.0), self.v)
-        return force - sum(self.f) - viscous * self.v - against
+        net = force - sum(self.f) - viscous * self.v - rubbing - against
+        inertia = (1.0 - self.of("load_friction", "motor_share", 0.0)) * net
+        self.transmitted = inertia + against
+        return net
 
     def springs(self):
         """Force of the hanging mass on the carriage, and of the isolators on the base."""
@@ -170,6 +174,7 @@ class PlainAxis:
         if "thermal_drift" in self.on:
             o = self.on["thermal_drift"]
             level *= 1.0 + o["amplitude"] * math.exp(-t / o["time_constant"])
+        level += s * self.of("load_friction", "ratio", 0.0) * abs(self.transmitted)
         stiffness = friction.stiffness * self.of("presliding_stiffness", "ratio", 1.0)
         decay = math.exp(-friction.attraction / friction.coulomb * STEP / s)
         for i, share in enumerate(self.share):

@@ -52,6 +52,7 @@ def left(force, stage, motion):
         ("thermal_drift", {"amplitude": 0.3, "time_constant": 5.0}, 30.0),
         ("friction_position", {"amplitude": 0.5, "center": 0.01, "width": 0.01}, 30.0),
         ("force_saturation", {"force": 70.0}, 8.0),
+        ("load_friction", {"ratio": 0.2, "motor_share": 0.3}, 30.0),
     ],
 )
 def test_an_effect_takes_the_force_that_the_simulator_needed(
