@@ -174,8 +174,8 @@ def _least_squares(columns: F64, target: F64) -> F64:
 
 
 def _require_mass(axis: AxisSettings, mass: float, sigma: float) -> None:
-    """Refuse a mass that is not positive."""
-    if mass > 0.0:
+    """Refuse a mass that may as well be none."""
+    if mass > _CERTAIN * sigma:
         return
     found = f"axis {axis.name}: the mass is unknown, and its motion"
     size = f"{mass:.3g} ± {sigma:.2g} {unit_on(axis, 'kg')}"

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from sim2real.open_loop import fit_figures, measure_motion
+from stagectl.config import stage_settings
+from stagectl.importing import import_recording, load_map
 from tests.unit.sim2real.open_loop.test_motion import imported
-from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, TOOL, sliding, swings
+from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, TOOL, sliding, strokes, swings
 
 
 def test_figures_beside_a_force_that_is_nobodys(tmp_path):
@@ -65,6 +67,31 @@ def test_the_length_of_presliding_is_found(tmp_path, reach):
     assert axis.mass == pytest.approx(1.2, rel=0.01)
     assert axis.friction.coulomb == pytest.approx(4.0, rel=0.1)
     assert axis.friction.viscous == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_slow_log_in_coarse_steps_does_not_tell_the_mass(tmp_path):
+    """10 Hz and 1 mm, of strokes of 20 mm."""
+    machine = replace(TOOL, rate=10.0, motion=strokes(0.02, (0.01, 0.02), 0.5))
+    recording, stage = imported(machine, tmp_path)
+    a = recording.axes["a"]
+    coarse = replace(a, position_actual=np.round(a.position_actual, 3))
+    motion = measure_motion(replace(recording, axes={"a": coarse}), stage)
+    with pytest.raises(ValueError, match=r"does not tell it .* state an estimate"):
+        fit_figures([motion], stage, {"a": ("mass", "coulomb", "viscous")})
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0])
+def test_a_slow_log_gives_figures_whatever_its_control_period(tmp_path, rate):
+    """An unknown stiffness is no affair of the step in which a loop would be simulated."""
+    data, how = replace(TOOL, rate=rate).write(tmp_path)
+    file = tmp_path / "machine.yaml"
+    slow = file.read_text().replace("control_period: 0.001", f"control_period: {1.0 / rate}")
+    file.write_text(slow)
+    columns, model = load_map(how)
+    recording, stage = import_recording(data, columns, model), stage_settings(model)
+    motion = measure_motion(recording, stage)
+    found = fit_figures([motion], stage, {"a": ("mass", "coulomb", "viscous", "stiffness")})
+    assert found.axes[0].mass == pytest.approx(300.0, rel=0.1)
 
 
 def test_a_motion_that_does_not_tell_the_mass_says_so(tmp_path):
