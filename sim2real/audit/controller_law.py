@@ -27,7 +27,7 @@ TERMS = ("kp", "ki", "kd", "force_offset")
 """Parts of the commanded force, in the order of `ControllerLaw.terms`."""
 _NEAR_PEAK = 0.9
 """Share of the peak force from which the output may have been clamped next to a sample."""
-_WARM_UP = 20
+WARM_UP = 20
 """Samples within which the derivative filter forgets that the law was started in mid-motion."""
 _MARGIN = 4
 """Samples at both ends and next to gaps where the interpolation is not accurate enough."""
@@ -163,7 +163,7 @@ class ControllerLaw:
         first, last = int(self.place[start]), int(self.place[start + samples - 1])
         ticks = round(self.period / self.control.period)
         usable = self.usable[start : start + samples].copy()
-        usable[:_WARM_UP] = False
+        usable[:WARM_UP] = False
         return replace(
             self,
             demand=self.demand[first : last + 1],

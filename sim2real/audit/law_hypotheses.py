@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
+from scipy.signal import correlate
 
-from sim2real.audit.controller_law import AS_STATED, TERMS, ControllerLaw, Timing
+from sim2real.audit.controller_law import AS_STATED, TERMS, WARM_UP, ControllerLaw, Timing
 from stagedata import FloatArray
 
 ACCEPTED = 1.5
@@ -40,6 +41,10 @@ _GRIDS = {
     "drift": _DRIFTS,
 }
 """Timing -> values that are tried [s; bandwidth: Hz; drift: s/s]."""
+_FAR = 0.05
+"""Longest lag of a force that is looked for, either way [s]."""
+_CLEARLY = 0.5
+"""Largest share of what is left of the force without a lag that a far one may leave."""
 _ONE = np.eye(len(TERMS))
 _FREED = {
     "": _ONE[:, :0],
@@ -112,7 +117,9 @@ def find_hypothesis(law: ControllerLaw, expected: float) -> LawHypothesis:
     # The search uses one part of the recording; what it finds is fitted to all of it.
     part = law.most_travelled(_SEARCHED)
     best: dict[str, LawHypothesis] = {}
-    for timing, grid in _GRIDS.items():
+    far = _far_lag(part)
+    grids = _GRIDS | dict.fromkeys(("lag", "resampled"), _SHIFTS + far)
+    for timing, grid in grids.items():
         products = [(float(v), _products(part, timing, float(v))) for v in grid]
         for gains in GAINS[:-1]:
             coarse = [_fit_products(p, timing, v, gains) for v, p in products]
@@ -127,8 +134,29 @@ def find_hypothesis(law: ControllerLaw, expected: float) -> LawHypothesis:
     found = _simplest(tried, enough)
     if found.remainder <= _NEARLY * expected:
         return found
-    tried += [_refine(law, part, s, _GRIDS[s.timing]) for s in best.values()]
+    tried += [_refine(law, part, s, grids[s.timing]) for s in best.values()]
     return _simplest(tried, enough)
+
+
+def _far_lag(law: ControllerLaw) -> float:
+    """Whole samples by which the force lags far behind the law, or is far ahead [s]; else 0.
+
+    Within the reach of `_SHIFTS` it is 0, and where it does not make their changes, which show it
+    more sharply than themselves, clearly more alike.
+    """
+    usable = law.usable[1:] & law.usable[:-1]
+    stated, logged = (
+        np.where(usable, np.diff(values), 0.0) for values in (law.terms().sum(axis=0), law.force)
+    )
+    size = float(np.linalg.norm(stated) * np.linalg.norm(logged))
+    reach = min(round(_FAR / law.period), len(logged) - 1)
+    if size == 0.0 or reach < 1:
+        return 0.0
+    alike = correlate(logged, stated)[len(logged) - 1 - reach : len(logged) + reach] / size
+    best = int(np.argmax(alike))
+    lag = (best - reach) * law.period
+    clear = 1.0 - alike[best] ** 2 < _CLEARLY * (1.0 - alike[reach] ** 2)
+    return lag if clear and abs(lag) > _SHIFTS[-1] - law.period else 0.0
 
 
 def _fit_current_path(
@@ -197,6 +225,12 @@ def _products(
     else:
         terms = law.terms(Timing(**{timing: value} if timing else {}), bandwidth)
     usable = law.usable & (np.abs(terms.sum(axis=0)) < 0.99 * law.control.peak_force)
+    if timing in ("lag", "resampled"):  # beyond the ends the law is not known
+        reach = math.ceil(abs(value) / law.period)
+        if value < 0.0:
+            usable[len(usable) - reach :] = False
+        else:
+            usable[: reach + WARM_UP if reach else 0] = False
     if usable.sum() < _FEWEST:
         usable = law.usable
     rows = np.vstack(
