@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar, show_result
+from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.cli.gap_measure import (
     gap_along_motion,
     machine_of,
@@ -18,6 +19,7 @@ from stagectl.cli.gap_measure import (
 from stagectl.cli.options import JSON_OUT, RECORDING
 
 if TYPE_CHECKING:
+    from hil_sim.settings import StageSettings
     from sim2real.gap import Gap
     from stagectl.config import Machine
     from stagectl.report import Section
@@ -51,7 +53,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
       stagectl gap compare runs/BEFORE runs/AFTER
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from sim2real.findings import FORMAT, VERSION, gap_json
-    from sim2real.gap import gap_closed, pool_gaps
+    from sim2real.gap import gap_closed
     from stagectl.config import stage_settings
     from stagectl.report import print_sections
     from stagectl.report.gap import gap_section
@@ -67,16 +69,11 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     recorded = {str(path): RecordingBlocks(path) for path in paths}
     console = console_for(json_out)
     reason = why_along_motion(list(recorded.values()), machines)
-    gaps = []
     with progress_bar(console, "simulating") as update:
-        for model in settings:
-            each = [
-                gap_along_motion(r, model) if reason else measured_gap(r, model, update).gap()
-                for r in recorded.values()
-            ]
-            lengths = [r.samples for r in recorded.values()]
-            gaps.append(pool_gaps(list(zip(each, lengths, strict=True))))
-    before, after = gaps
+        before, after = (
+            _pooled_gap(list(recorded.values()), model, reason is not None, update)
+            for model in settings
+        )
     share = gap_closed(before, after)
     settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
     both: Gap = {
@@ -101,6 +98,22 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
         facts.append(f"{reason}: forces along the measured motion.")
     gap = gap_section(both, title, "A", "B", repeats=facts)
     show_result(report, json_out, print_sections([gap, _settling_section(settled)]))
+
+
+def _pooled_gap(
+    recorded: Sequence[RecordingBlocks],
+    model: StageSettings,
+    along_motion: bool,
+    update: ProgressUpdate,
+) -> Gap:
+    """The gap of a model on several recordings, in the closed loop or along their motion."""
+    from sim2real.gap import pool_gaps
+
+    gaps = [
+        gap_along_motion(r, model) if along_motion else measured_gap(r, model, update).gap()
+        for r in recorded
+    ]
+    return pool_gaps([(gap, r.samples) for gap, r in zip(gaps, recorded, strict=True)])
 
 
 def closed_line(share: float | None) -> str:
