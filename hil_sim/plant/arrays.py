@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.control import (
     CASCADE_FIGURES,
     CONTROL_DTYPE,
@@ -101,6 +102,13 @@ def _control_record(control: ControlSettings) -> tuple[float, ...]:
     )
 
 
+def _require_fine_steps(ports: Sequence[EffectPorts], substeps: int) -> None:
+    """Refuse effects that one coarse step cannot follow: a fit steps back from them."""
+    for own in ports:
+        if substeps < SUBSTEPS and own.axis.effects and own.fewest_substeps() > substeps:
+            raise ValueError(f"axis {own.axis.name}: too stiff for a coarse step with its effects")
+
+
 class Arrays:
     """A stage as arguments of the kernels, at rest at the given positions.
 
@@ -109,13 +117,14 @@ class Arrays:
         start: true position of each axis [m].
         duration: of the simulation [s]; None: without end.
         substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
-            (`hil_sim.plant.coarse`). A plant that is too stiff for them gets as many as it needs.
+            (`hil_sim.plant.coarse`). A plant that is too stiff for them gets as many as it needs,
+            unless effects make it too stiff for a coarse step.
         level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
         fine: plant steps that a coarse one stands for, at least 5; of all axes or of each.
 
     Raises:
         ValueError: effects that cannot be, naming axis and effect; substeps of 2..4, or 1 with
-            another friction law than gms.
+            another friction law than gms or with effects that make the plant too stiff.
     """
 
     def __init__(
@@ -138,7 +147,8 @@ class Arrays:
                 )
         self.ports = build_ports(settings, duration)
         needed = max(ports.fewest_substeps() for ports in self.ports)
-        if needed > substeps:
+        if substeps < needed:
+            _require_fine_steps(self.ports, substeps)
             substeps = max(needed, SUBSTEPS)
         self._steps = settings.control_period, substeps, settings.ticks
         for a, ports in enumerate(() if level is None else self.ports):
