@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_sim.settings import MOST_SUBSTEPS, AxisSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 POSITION_STEP = 1e-4
 """Node distance of tables over position [m]."""
@@ -325,8 +324,11 @@ class EffectPorts:
             (math.ceil(bending), f"springs of {stiffness:g} {own('N/m')} {on}"),
         )
 
-    def check(self) -> None:
+    def check(self, axes: int) -> None:
         """Check that the plant can be simulated with its effects.
+
+        Args:
+            axes: number of those of the stage.
 
         Raises:
             ValueError: naming the cause.

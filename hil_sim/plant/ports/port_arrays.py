@@ -12,8 +12,7 @@ from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts, Oscillator
 from hil_sim.plant.ports.current_loop import decay_of, write_delay
 from hil_sim.plant.ports.records import LISTS, TABLES, Arena
 from hil_sim.settings import StageSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _FIGURES = (
     "mass", "viscous", "static_ratio", "coulomb_forward", "coulomb_backward", "force", "spring",
@@ -35,11 +34,8 @@ def build_ports(settings: StageSettings, duration: float | None) -> list[EffectP
     ports = []
     for axis in settings.axes:
         try:
-            for effect in axis.effects:
-                effect.apply(own)
-            own.check()
-            if (own.coupled_mass or own.fields) and len(settings.axes) != 2:
-                raise ValueError("an effect that involves the other axis needs a stage of two")
+            own = EffectPorts.filled(axis, settings.sync_period, duration, settings.start)
+            own.check(len(settings.axes))
         except ValueError as error:
             raise ValueError(f"axis {axis.name}: {error}") from error
         ports.append(own)

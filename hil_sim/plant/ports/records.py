@@ -29,12 +29,7 @@ PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
     ("on_load", "?"),  # the encoder is on the part that hangs from the carriage
     ("coupled", "?"),  # the axes are solved jointly
-    ("gain", "f8"),
-    ("saturation", "f8"),
-    ("coulomb_forward", "f8"),
-    ("coulomb_backward", "f8"),
-    ("force", "f8"),
-    ("spring", "f8"),
+    *of_type("f8", "gain", "saturation", "coulomb_forward", "coulomb_backward", "force", "spring"),
     ("load_friction", "f8"),  # factor on Fc per force transmitted to the load [1/N]
     ("motor_share", "f8"),  # of the mass, on the near side of the transmission
     ("mobility", "f8"),  # relative acceleration per force on the carriage [1/kg]

@@ -100,9 +100,8 @@ def _describe(parameter: Parameter) -> str:
 def _refusal(settings: AxisSettings, machine: Machine) -> str | None:
     """Why the simulator refuses the effects of this axis, or None."""
     try:
-        for effect in settings.effects:
-            effect.apply(ports)
-        ports.check()
+        ports = EffectPorts.filled(settings, machine.bus.sync_period, _TRIAL)
+        ports.check(len(machine.axes))
     except ValueError as error:
         return str(error)
     return None

@@ -10,7 +10,7 @@ from hil_sim.effects.library import library
 from sim2real.audit import audit_channels
 from sim2real.diagnosis import diagnose, examine
 from stagedata import angular_unit
-from tests.unit.sim2real.conftest import TOLERANCE, Nominal, stage_with
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
 @pytest.fixture(scope="module")

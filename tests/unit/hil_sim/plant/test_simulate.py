@@ -33,13 +33,6 @@ def test_output_is_clamped_and_the_integrator_waits(nominal):
     assert abs(response.position[-1, 0]) < 2e-5  # it comes back: nothing was wound up for long
 
 
-def test_at_rest_nothing_happens(nominal):
-    start = np.tile([0.01, -0.02], (200, 1))
-    response = simulate(nominal, start, np.zeros((200, 2)), None)
-    np.testing.assert_allclose(response.position, start, atol=1e-12)
-    assert np.abs(response.force).max() == 0.0
-
-
 @pytest.mark.parametrize("substeps", [1, 5])
 def test_a_stiff_plant_on_a_slow_tick_is_integrated_in_more_steps(nominal, substeps):
     """30000 N/m on 8 kg swing at 10 Hz: five steps of a tick of 0.1 s cannot follow them."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from stagectl.config import parse_machine
+from stagectl.config import load_machine, parse_machine
 from tests.simple_law import OF_PRESLIDING, simple_law_text
 
 
@@ -30,10 +30,10 @@ def test_inconsistent_values_are_one_line_at_their_place(check_refused, new, key
     check_refused(new, key_and_reason)
 
 
-TURNING = GOOD.replace("node: 1", "node: 1\n    rotary: true", 1)
+TURNING = load_machine().text.replace("node: 1", "node: 1\n    rotary: true", 1)
 
 
-def test_an_axis_that_turns_counts_in_a_unit_that_its_travel_fits_in() -> None:
+def test_an_axis_that_turns_counts_in_a_unit_that_its_travel_fits_in():
     text = TURNING.replace("velocity: 1.0,", "velocity: 3.0,", 1)
     text = text.replace("[-0.15, 0.15]", "[-628.3, 628.3]", 1)
     x, y = parse_machine(text, "m.yaml").axes.values()
@@ -63,14 +63,12 @@ def test_an_axis_that_turns_counts_in_a_unit_that_its_travel_fits_in() -> None:
         ),
     ],
 )
-def test_texts_about_an_axis_that_turns_have_its_units(
-    problems_of: ProblemsOf, old: str, new: str, reason: str
-) -> None:
+def test_texts_about_an_axis_that_turns_have_its_units(problems_of, old, new, reason):
     (line,) = problems_of(TURNING.replace("[-0.15, 0.15]", "[-3.2, 3.2]", 1).replace(old, new, 1))
     assert reason in line
 
 
-def test_the_simple_law_has_no_figures_of_presliding() -> None:
+def test_the_simple_law_has_no_figures_of_presliding():
     x = parse_machine(simple_law_text(), "m.yaml").axes["x"]
     figures = x.plant.friction.figures
     assert (figures.law, figures.coulomb, figures.static_ratio) == ("coulomb", 6.0, 0.4)

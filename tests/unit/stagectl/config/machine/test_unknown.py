@@ -39,6 +39,9 @@ def test_a_diagnosis_gets_a_machine_that_can_move():
     assert machine.axes["y"] == load_machine(None).axes["y"]
 
 
+CASCADE = "{position_gain: 100.0, velocity_gain: 2000.0, derivative_time: 1e-4}"
+
+
 def test_friction_may_be_unknown_as_a_whole():
     text = load_machine(None).text.replace("&", "")
     begin = text.index("      friction:")
@@ -53,11 +56,11 @@ def test_friction_may_be_unknown_as_a_whole():
         parse_machine(whole, "M.yaml")
 
 
-def test_gains_may_be_unknown_where_no_loop_is_simulated(text):
-    unknown = with_unknown(text, "pid")
+def test_gains_may_be_unknown_where_no_loop_is_simulated():
+    unknown = with_unknown("pid")
     assert parse_machine(unknown, "M.yaml", gains=False).unknown == {"x": ("gains",)}
     with pytest.raises(ConfigError, match=r"mass: is unknown"):
-        parse_machine(with_unknown(unknown, "mass"), "M.yaml", gains=False)
+        parse_machine(with_unknown("mass", unknown), "M.yaml", gains=False)
 
 
 @pytest.mark.parametrize(

@@ -113,18 +113,12 @@ def test_a_named_eds_is_relative_to_the_machine_file(tmp_path):
         (
             "mass: 8.0",
             "mass: 1.0e-6",
-            "axes.x.plant: friction of 20 N s/m on 1e-06 kg cannot be simulated in 1000 steps per "
-            "control_period",
+            "friction of 20 N s/m on 1e-06 kg cannot be",
         ),
-        (
-            "stiffness: 6.0e5",
-            "stiffness: 1.0e+15",
-            "axes.x.plant: springs of 1e+15 N/m on 8 kg cannot be simulated in 1000 steps per "
-            "control_period",
-        ),
+        ("stiffness: 6.0e5", "stiffness: 1.0e+15", "springs of 1e+15 N/m on 8 kg cannot be"),
     ],
 )
-def test_a_plant_too_stiff_for_any_steps_is_refused(old: str, new: str, problem: str) -> None:
+def test_a_plant_too_stiff_for_any_steps_is_refused(old, new, problem):
     machine = parse_machine(load_machine().text.replace(old, new), "m")
     driver_settings(machine)  # a real stage may have it
     with pytest.raises(ConfigError) as caught:
