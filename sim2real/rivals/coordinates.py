@@ -99,23 +99,27 @@ class Course:
     period: float
 
 
-def courses(name: str, motions: Sequence[Motion], relaxation_rate: float) -> list[Course]:
+def courses(
+    name: str, motions: Sequence[Motion], forces: Sequence[F64], relaxation_rate: float
+) -> list[Course]:
     """The courses of an axis in all recordings.
 
     Args:
         name: of the axis.
         motions: of the recordings.
+        forces: that these take by the machine file, float64[P] each [N]. Not as measured: over its
+            own noise any force is a curve.
         relaxation_rate: C/Fc of its friction [1/s].
     """
     found = []
-    for motion in motions:
+    for motion, force in zip(motions, forces, strict=True):
         own = motion.axes[name]
         others = [axis for other, axis in motion.axes.items() if other != name]
         quantities: dict[str, F64] = {
             "position": own.position,
             "velocity": own.velocity,
             "acceleration": own.acceleration,
-            "force": own.logged,
+            "force": force,
             "time": motion.start + motion.period * np.arange(float(len(own.position))),
         }
         other = None
@@ -191,6 +195,8 @@ def as_curve(
     if len(heights) < len(at):
         middle = len(at) // 2
         heights, sigma = np.insert(heights, middle, 0.0), np.insert(sigma, middle, 0.0)
+    if coordinate.along == "force":  # what is missing is part of the measured force
+        return coordinate, at + heights, heights, sigma
     return coordinate, at, heights, sigma
 
 

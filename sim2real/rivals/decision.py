@@ -66,6 +66,8 @@ class Rivals:
             if prediction is None:
                 continue
             excess, error = _compare(prediction, best.prediction)
+            # Noise that a curve happens to follow is no reason to take a name away.
+            excess += min(best.prediction.energy - self.screen.floor, 0.0)
             if excess <= self._margin(error) and (
                 complete or len(model.terms) == 1 or excess < -error
             ):

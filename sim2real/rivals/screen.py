@@ -78,7 +78,8 @@ class Screen:
     def __init__(self, loop: MotionLoop) -> None:
         self._loop, self._motions = loop, loop.motions
         name, motions = loop.name, loop.motions
-        self._courses = courses(name, motions, loop.axis.friction.relaxation_rate)
+        forces = [loop.respond_jointly(n, loop.axis)[1] for n in range(len(motions))]
+        self._courses = courses(name, motions, forces, loop.axis.friction.relaxation_rate)
         self._used = [motion.axes[name].usable for motion in motions]
         counts = [int(used.sum()) for used in self._used]
         parts = [np.repeat((False, True), count) for count in counts]

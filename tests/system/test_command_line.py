@@ -148,7 +148,7 @@ def test_gap_measure(stagectl, tmp_path):
     done = stagectl("gap", "measure", DATA / "null-3.h5", "--json", tmp_path / "gap.json")
     assert done.returncode == 0, done.stderr
     report = json.loads((tmp_path / "gap.json").read_text())
-    assert (report["format"], report["version"]) == ("stagectl-gap-report", 1)
+    assert (report["format"], report["version"]) == ("stagectl-gap-report", 2)
     for axis in ("x", "y"):
         assert report["gap"][axis]["position"]["nominal"] <= 0.15e-6
         assert report["gap"][axis]["force"]["nominal"] <= 0.14
@@ -322,7 +322,7 @@ def test_gap_diagnose(stagectl, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "No gap" in page.read_text()
     report = json.loads(done.stdout)
-    assert (report["format"], report["version"]) == ("stagectl-gap-report", 1)
+    assert (report["format"], report["version"]) == ("stagectl-gap-report", 2)
     assert report["verdict"] == "no_gap"
     assert report["recordings"] == [str(recording)]
     assert (report["channels"], report["causes"]) == ([], [])

@@ -174,7 +174,7 @@ def test_a_spring_with_a_far_center_is_no_offset(nominal):
 
 def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal):
     harmonics = {"amplitude": 1.5, "pitch": 0.03, "phase": 0.7, "second": 0.4, "third": 0.2}
-    recording = stage_with(nominal, 16, y={"cogging_harmonics": harmonics})
+    recording = stage_with(nominal, 16, seconds=8.0, y={"cogging_harmonics": harmonics})
     found = diagnosed(recording, nominal[1], "cogging", "payload_mass")
     assert found.report.verdict == "unexplained"
     assert not found.report.causes

@@ -18,29 +18,29 @@ from tests.unit.sim2real.conftest import TOLERANCE
 SIZE = Parameter("size", "", "", (0.0, 1.0), neutral=0.0)
 
 
-@unlisted(SIZE)
+@unlisted(SIZE, over="")
 def drag(ports, p):
     ports.add_velocity_force(p["size"] * ports.velocities * np.abs(ports.velocities))
 
 
-@unlisted(SIZE)
+@unlisted(SIZE, over="")
 def dead_band(ports, p):
     ports.lose_motor_force(np.clip(ports.motor_forces, -p["size"], p["size"]))
 
 
-@unlisted(SIZE)
+@unlisted(SIZE, over="")
 def magnet(ports, p):
     for length in (5e-4, 2e-3, 8e-3):
         ports.add_hysteresis(p["size"] / 3.0, p["size"] / 3.0 / length)
 
 
-@unlisted(SIZE)
+@unlisted(SIZE, over="")
 def splinter(ports, p):
     away = (ports.positions + 0.01) / 6e-4
     ports.add_position_force(p["size"] * np.exp(-0.5 * away**2))
 
 
-@unlisted(SIZE)
+@unlisted(SIZE, over="")
 def dirt(ports, p):
     away = (ports.positions + 0.01) / 6e-4
     ports.scale_position_coulomb(1.0 + p["size"] * np.exp(-0.5 * away**2))

@@ -110,12 +110,8 @@ def test_a_named_eds_is_relative_to_the_machine_file(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [
-        (
-            "mass: 8.0",
-            "mass: 1.0e-6",
-            "friction of 20 N s/m on 1e-06 kg cannot be",
-        ),
-        ("stiffness: 6.0e5", "stiffness: 1.0e+15", "springs of 1e+15 N/m on 8 kg cannot be"),
+        ("mass: 8.0", "mass: 1.0e-6", "friction of 20 N s/m on 1e-06 kg"),
+        ("stiffness: 6.0e5", "stiffness: 1.0e+15", "springs of 1e+15 N/m on 8 kg"),
     ],
 )
 def test_a_plant_too_stiff_for_any_steps_is_refused(old, new, problem):
@@ -123,8 +119,7 @@ def test_a_plant_too_stiff_for_any_steps_is_refused(old, new, problem):
     driver_settings(machine)  # a real stage may have it
     with pytest.raises(ConfigError) as caught:
         stage_settings(machine)
-    place, steps = "axes.x.plant.friction", "in steps of 2e-05 s (control_period/5)"
-    expected = f"{place}.{problem} cannot be simulated {steps}"
+    expected = f"axes.x.plant: {problem} cannot be simulated in 1000 steps per control_period"
     assert caught.value.problems[0].partition(": ")[2] == expected
 
 
