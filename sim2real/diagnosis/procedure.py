@@ -29,7 +29,7 @@ from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage, implausibility
-from sim2real.free_loop import FreeLoop, search_free
+from sim2real.free_loop import FreeLoop, fit_alone, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Rivals, Screen, find_rivals
@@ -157,7 +157,11 @@ class _StageSearch:
             return search
         first = [alternative.model for alternative in search.alternatives]
         if self._is_curve(name, [search.best.model, *first[:FITTED]]):
-            return search.without_names(self._rivals(name).unlisted(name))
+            rivals = self._rivals(name)
+            # Those of transmissions have not been tried so far.
+            transmitted = [e for n, e in self._all.items() if n not in self._library]
+            if not rivals.leave_names(fit_alone(rivals.screen.loop, transmitted)):
+                return search.without_names(rivals.unlisted(name))
         if search.is_complete:
             return search
         tolerance = float(search.problem.spread[0])

@@ -10,5 +10,6 @@ from sim2real.free_loop.fit import derivatives as derivatives
 from sim2real.free_loop.fit import move_covariance as move_covariance
 from sim2real.free_loop.loop import FreeLoop as FreeLoop
 from sim2real.free_loop.search import FreeSearch as FreeSearch
+from sim2real.free_loop.search import fit_alone as fit_alone
 from sim2real.free_loop.search import fit_figures as fit_figures
 from sim2real.free_loop.search import search_free as search_free

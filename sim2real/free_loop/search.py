@@ -9,7 +9,7 @@ would do better in its place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -262,6 +262,14 @@ def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[Fitted, list[Fitted]]
     """
     fitted = fit_free(loop, model, LONG)
     return fitted, [fit_free(loop, fitted.model, SHORT, train) for train in _training(loop)]
+
+
+def fit_alone(loop: FreeLoop, effects: Iterable[Effect]) -> list[AxisModel]:
+    """Each effect by itself, fitted from its best start; those that change nothing are left out."""
+    plain = fit_free(loop, loop.start, SHORT)
+    dictionary = FreeDictionary(loop, plain)
+    starts = [plain.model.added(c.term) for effect in effects for c in dictionary.best(effect)]
+    return [fit_free(loop, start, SHORT).model for start in starts if loop.allows(start)]
 
 
 def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[Fitted]) -> list[Fitted]:

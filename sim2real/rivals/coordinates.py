@@ -45,7 +45,7 @@ class Coordinate:
         over: as `unlisted` of a report calls it.
         along: quantity of the motion that the nodes are of.
         times: what the curve is multiplied by: "" for nothing, "friction" for the lagged sign of
-            the velocity, "force" for the motor force.
+            the velocity, "force" for the motor force over its rms.
         step: between nodes over position [m].
     """
 
@@ -170,7 +170,8 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
         velocity = course.quantities["velocity"]
         over = np.sign(velocity)[:, None] * _lagged(over, velocity, course.relaxed)
     elif coordinate.times == "force":
-        over = over * course.quantities["force"][:, None]
+        force = course.quantities["force"]
+        over = over * (force / max(float(np.std(force)), 1e-12))[:, None]
     return over
 
 

@@ -29,6 +29,8 @@ _LITTLE, _MUCH = 0.02, 0.2
 which is large where few moves show the force."""
 _MOST = 0.5
 """Share of the gap that a curve has to close on other moves."""
+_FEWEST = 200
+"""Samples in motion that curves need."""
 _MOVES = 2
 """Moves of a block: there and back."""
 
@@ -108,7 +110,12 @@ class Rivals:
 
 
 def find_rivals(screen: Screen) -> Rivals:
-    """Fit curves over all coordinates; closer nodes over position where it is among the best."""
+    """Fit curves over all coordinates; closer nodes over position where it is among the best.
+
+    An axis that hardly moves has none.
+    """
+    if screen.samples < _FEWEST:
+        return Rivals(screen, ())
     curves = [c for c in map(screen.curve, COORDINATES) if c is not None]
     best = min(curves, key=lambda c: c.prediction.energy)
     if best.coordinate.over.startswith("position") or screen.closed(best.prediction) < _MOST:

@@ -98,6 +98,11 @@ class Screen:
         )
 
     @property
+    def loop(self) -> MotionLoop:
+        """The axis."""
+        return self._loop
+
+    @property
     def start(self) -> AxisModel:
         """The machine file's model."""
         return self._loop.start
@@ -207,7 +212,7 @@ class Screen:
 
         energy, energies, prior = min(map(evaluated, penalties), key=lambda each: each[0])
         inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
-        noise = coherent * max(energy / len(residual), 1.0)
+        noise = coherent * max(energy / max(len(residual), 1), 1.0)
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
         return Prediction(energies, _solve(total, prior, held), sigma)
 

@@ -1,6 +1,7 @@
 """Which coordinate a force depends on, and when library effects keep their names."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -105,3 +106,9 @@ def test_a_library_effect_keeps_its_name(screen_of):
 
 def test_without_a_gap_there_is_no_coordinate(screen_of):
     assert find_rivals(screen_of()).unlisted("x") == ()
+
+
+def test_an_axis_that_hardly_moves_has_no_curves():
+    rivals = find_rivals(SimpleNamespace(samples=10.0))
+    assert rivals.leave_names([])
+    assert rivals.unlisted("x") == ()
