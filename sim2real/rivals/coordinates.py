@@ -14,13 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from sim2real.open_loop import Motion
+from stagedata import F64
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 _PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
 """Distances of nodes over position [m]: at first, and closer ones that are tried."""

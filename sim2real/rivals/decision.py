@@ -3,7 +3,7 @@
 Effects keep their names where no curve over one coordinate predicts other moves better: where their
 prediction is within one standard error over blocks of moves of the best curve's, or loses less than
 a fiftieth of the gap. Several effects together have more figures than a curve: they have to predict
-clearly better than it, or leave nothing but noise.
+clearly better than it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import AxisModel
@@ -21,8 +20,6 @@ from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import COORDINATES, NARROW
 from sim2real.rivals.screen import Curve, Prediction, Screen
 from sim2real.scoring.constants import SURE_COORDINATE
-
-F64 = NDArray[np.float64]
 
 _LITTLE, _MUCH = 0.02, 0.2
 """Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
@@ -53,13 +50,8 @@ class Rivals:
         closing = [c for c in self.curves if self.screen.closed(c.prediction) >= _MOST]
         return closing[0] if closing else None
 
-    def leave_names(self, models: Sequence[AxisModel], *, complete: bool = False) -> bool:
-        """Whether one of these library models keeps its names.
-
-        Args:
-            models: that could explain the axis.
-            complete: whether they leave nothing but noise in the closed loop.
-        """
+    def leave_names(self, models: Sequence[AxisModel]) -> bool:
+        """Whether one of these library models, which could explain the axis, keeps its names."""
         best = self.best
         if best is None:
             return True
@@ -70,9 +62,7 @@ class Rivals:
             excess, error = _compare(prediction, best.prediction)
             # Noise that a curve happens to follow is no reason to take a name away.
             excess += min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess <= self._margin(error) and (
-                complete or len(model.terms) == 1 or excess < -error
-            ):
+            if excess <= self._margin(error) and (len(model.terms) == 1 or excess < -error):
                 return True
         return False
 

@@ -18,8 +18,7 @@ from sim2real.fitting import STEP, AxisModel
 from sim2real.free_loop import derivatives
 from sim2real.open_loop import MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, nodes
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _FOLDS = 5
 """Groups of moves, there and back together."""
@@ -76,7 +75,7 @@ class Screen:
     """
 
     def __init__(self, loop: MotionLoop) -> None:
-        self._loop, self._motions = loop, loop.motions
+        self.loop = loop
         name, motions = loop.name, loop.motions
         forces = [loop.respond_jointly(n, loop.axis)[1] for n in range(len(motions))]
         self._courses = courses(name, motions, forces, loop.axis.friction.relaxation_rate)
@@ -96,16 +95,6 @@ class Screen:
         self.open = self._predict(
             np.empty((len(self._residual), 0)), self._residual, [np.empty((0, 0))]
         )
-
-    @property
-    def loop(self) -> MotionLoop:
-        """The axis."""
-        return self._loop
-
-    @property
-    def start(self) -> AxisModel:
-        """The machine file's model."""
-        return self._loop.start
 
     @property
     def samples(self) -> float:
@@ -147,7 +136,7 @@ class Screen:
 
         None where it cannot be simulated.
         """
-        loop = self._loop
+        loop = self.loop
         if not loop.allows(model):
             return None
         residual = loop.residual(model)
@@ -159,7 +148,7 @@ class Screen:
 
     def _seen(self, number: int, forces: F64) -> F64:
         """Forces as they show in the residual of a recording, float64[samples, n]."""
-        motion, name = self._motions[number], self._loop.name
+        motion, name = self.loop.motions[number], self.loop.name
         low = np.column_stack([motion.low_pass(name, force) for force in forces.T])
         return np.asarray(-low[self._used[number]] / self._scale[number])
 
@@ -187,7 +176,7 @@ class Screen:
                 the machine file.
             moved: by how many sigmas these figures have been moved already, float64[STEP].
         """
-        size, coherent = over.shape[1], self._loop.coherent
+        size, coherent = over.shape[1], self.loop.coherent
         both = np.column_stack((over, self._base if base is None else base, self._beside, residual))
         parts = [both[self._group == group] for group in range(_FOLDS)]
         squares = [part.T @ part for part in parts]
@@ -203,7 +192,7 @@ class Screen:
             """Energy left of all groups, energies of the moves, and the prior."""
             there = prior.copy()
             there[:size, :size] += mean * (penalty + _LITTLE * np.eye(size))
-            energies = np.zeros(len(self._loop.samples))
+            energies = np.zeros(len(self.loop.samples))
             for group, part in enumerate(parts):
                 left = part @ np.append(_solve(total - squares[group], there, held), 1.0)
                 block = self._block[self._group == group]

@@ -87,7 +87,8 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
     assert (found.axis, found.over, found.alike) == ("x", over, ())
     assert found.gap_closed > 0.85
     assert found.probability > 0.5
-    assert not rivals.leave_names([screen.start.added(Term(library()["force_offset"], (0.5,)))])
+    offset = screen.loop.start.added(Term(library()["force_offset"], (0.5,)))
+    assert not rivals.leave_names([offset])
     at, force = np.array(found.curve.at), np.array(found.curve.force)
     if effect in (splinter, dirt):
         assert abs(at[np.argmax(np.abs(force))] + 0.01) < 3e-4
@@ -101,7 +102,7 @@ def test_a_library_effect_keeps_its_name(screen_of):
     screen = screen_of(effect, ratio=1.8)
     rivals = find_rivals(screen)
     assert rivals.curves[0].coordinate.over == "velocity"
-    assert rivals.leave_names([screen.start.added(Term(effect, values))])
+    assert rivals.leave_names([screen.loop.start.added(Term(effect, values))])
 
 
 def test_without_a_gap_there_is_no_coordinate(screen_of):
