@@ -55,6 +55,8 @@ Number = Annotated[
 """Null in JSON where it is not finite, as JSON has neither nan nor infinity."""
 Words = Annotated[str, Field(exclude=True)]
 """For people; not part of the JSON."""
+Nodes = Annotated[tuple[Number, ...], Field(exclude_if=lambda values: not values)]
+"""Part of the JSON only where there are any."""
 GIVEN = Field(exclude_if=lambda value: value is None or value == "")
 """Part of the JSON only where there is a value."""
 
@@ -343,7 +345,8 @@ class FigureChange:
 class EmpiricalForce:
     """A description, not a cause, of the force that no effect explains.
 
-    F = always(x) + against(x) sgn(v) + over_velocity(v), each linear between its nodes.
+    F = always(x) + against(x) sgn(v) + over_velocity(v), each linear between its nodes, with what
+    is lost over motor force, and elements that resist after a reversal, where these are needed.
 
     Attributes:
         axis: its name.
@@ -354,6 +357,10 @@ class EmpiricalForce:
         over_velocity: forces at these nodes [N].
         coulomb: `against` as a factor on the model's Coulomb force, at the nodes over position; 1
             where that force is below the floor, and `against` is 0 there.
+        motor_force: nodes over the measured motor force [N]; empty where nothing is lost.
+        lost: motor force that does not reach the carriage there [N].
+        path: travel after which each element slides [m]; empty where there are none.
+        resistance: force at which each of them slides [N].
     """
 
     axis: str
@@ -364,9 +371,24 @@ class EmpiricalForce:
     coulomb: tuple[Number, ...] = field(default=(), kw_only=True)
     velocity: tuple[Number, ...]
     over_velocity: tuple[Number, ...]
+    motor_force: Nodes = field(default=(), kw_only=True)
+    lost: Nodes = field(default=(), kw_only=True)
+    path: Nodes = field(default=(), kw_only=True)
+    resistance: Nodes = field(default=(), kw_only=True)
+
+    def effects(self) -> list[tuple[str, dict[str, float | tuple[float, ...]]]]:
+        """Names and values of the effects that have this force in simulations."""
+        found: list[tuple[str, dict[str, float | tuple[float, ...]]]] = [
+            ("residual_table", {**self.table()})
+        ]
+        if self.motor_force:
+            found.append(("motor_loss_table", {"motor_force": self.motor_force, "loss": self.lost}))
+        for path, force in zip(self.path, self.resistance, strict=True):
+            found.append(("cable_hysteresis", {"force": force, "stiffness": force / path}))
+        return found
 
     def table(self) -> dict[str, tuple[float, ...]]:
-        """Values of the effect `residual_table` that has this force in simulations."""
+        """Values of the effect `residual_table`."""
         return {
             "position": self.position,
             "force": self.always,
@@ -395,6 +417,9 @@ class GapReport:
             nothing was fitted.
         gap_closed_interval: 95 % interval of it, by bootstrap over moves.
         gap_closed_in_sample: on the moves that were fitted.
+        gap_closed_by_twin: on held-out moves by the twin as it is written, with what `empirical`
+            describes; `gap_closed` is that of the causes alone.
+        gap_closed_by_twin_interval: 95 % interval of it.
         gap_closed_elsewhere: on recordings that took no part in the diagnosis; None where there are
             none.
         steps: of axes where effects were added one after another.
@@ -423,6 +448,8 @@ class GapReport:
     gap_closed: Number | None = None
     gap_closed_interval: tuple[Number, Number] | None = None
     gap_closed_in_sample: Number | None = None
+    gap_closed_by_twin: Number | None = None
+    gap_closed_by_twin_interval: tuple[Number, Number] | None = None
     gap_closed_elsewhere: Number | None = None
     where: tuple[Where, ...] = ()
     causes: tuple[Cause, ...] = ()

@@ -25,6 +25,8 @@ from stagedata import BoolArray
 F64 = NDArray[np.float64]
 Share = tuple[float, tuple[float, float]]
 """A share of the gap, and its 95 % interval."""
+Models = Mapping[str, AxisModel]
+"""Axis -> its model."""
 FittedAxis = tuple[AxisProblem, AxisModel, Sequence[AxisModel]]
 """One axis, the model fitted to it, and for each fold the model already fitted to the moves of all
 others; without these, they are fitted."""
@@ -147,7 +149,9 @@ class HeldOut:
     Attributes:
         samples: valid samples of each move, float64[moves, signals].
         before: energies by the machine file, float64[moves, signals].
-        after: by the fits.
+        folds: the models fitted to all moves but a fold's, for each fold.
+        leaves: what models leave, the moves of each of any number of folds by its models.
+        after: what `folds` leave.
         without: (axis, index of effect) -> as `after`, with that effect removed.
         columns: axis -> columns of the energies that shares of its effects refer to.
         explained: signals predicted by the fits, one entry per recording.
@@ -156,6 +160,8 @@ class HeldOut:
 
     samples: F64
     before: F64
+    folds: Sequence[Models]
+    leaves: Callable[[Sequence[Models]], Remaining]
     after: Remaining
     without: Mapping[tuple[str, int], Remaining]
     columns: Mapping[str, slice]
@@ -187,7 +193,7 @@ def predict_held_out(
         progress: called with (fits done, all fits).
     """
     recorded = _Recorded(measured, settings)
-    held = [recorded.moves_of(fold) for fold in range(FOLDS)]
+    held = recorded.moves_of(FOLDS)
     fits = FOLDS * len(fitted)
     progress(0, fits)
     numbers = count(1)  # from any thread
@@ -206,10 +212,10 @@ def predict_held_out(
     by_axis = dict(zip(fitted, pool.map(refit, fitted), strict=True))
     folds = [{name: models[fold] for name, models in by_axis.items()} for fold in range(FOLDS)]
     best = {name: model for name, (_, model, _) in fitted.items()}
-    after = recorded.compose(folds, held)
+    after = recorded.compose(folds)
     without = {
         (name, index): recorded.compose(
-            [{**models, name: models[name].without(index)} for models in folds], held
+            [{**models, name: models[name].without(index)} for models in folds]
         )
         for name, model in best.items()
         for index in range(len(model.terms))
@@ -217,6 +223,8 @@ def predict_held_out(
     return HeldOut(
         recorded.samples(),
         recorded.energies([m.residual for m in measured]),
+        folds,
+        lambda models: recorded.remaining(recorded.compose(models)),
         recorded.remaining(after),
         {key: recorded.remaining(residuals) for key, residuals in without.items()},
         dict.fromkeys(fitted, slice(None)),
@@ -236,27 +244,28 @@ class _Recorded:
         self._settings = settings
         self._moves = [split_moves(m.replay.recording, m.replay.period) for m in measured]
 
-    def moves_of(self, fold: int) -> list[BoolArray]:
-        """Samples of a fold's moves, per recording; moves are assigned in pairs."""
-        masks = []
-        for m, moves in zip(self._measured, self._moves, strict=True):
-            mask = np.zeros(len(m.replay.recording), dtype=np.bool_)
-            for block in moves:
-                if (block.number // 2) % FOLDS == fold:
-                    mask[block.start : block.stop] = True
-            masks.append(mask)
-        return masks
+    def moves_of(self, folds: int) -> list[list[BoolArray]]:
+        """Samples of each fold's moves, per recording; moves are assigned in pairs."""
+        held = []
+        for fold in range(folds):
+            masks = []
+            for m, moves in zip(self._measured, self._moves, strict=True):
+                mask = np.zeros(len(m.replay.recording), dtype=np.bool_)
+                for block in moves:
+                    if (block.number // 2) % folds == fold:
+                        mask[block.start : block.stop] = True
+                masks.append(mask)
+            held.append(masks)
+        return held
 
     def residual(self, models: Mapping[str, AxisModel], measured: Measured) -> Signals:
         """Recorded minus simulated."""
         stage = compose_stage(self._settings, models)
         return subtract_signals(measured.replay.measured(), measured.replay.run(stage))
 
-    def compose(
-        self, folds: Sequence[Mapping[str, AxisModel]], held: Sequence[Sequence[BoolArray]]
-    ) -> list[Signals]:
+    def compose(self, folds: Sequence[Models]) -> list[Signals]:
         """Residuals of each recording, each sample by the models of the fold that it is held in."""
-        out = []
+        out, held = [], self.moves_of(len(folds))
         for number, m in enumerate(self._measured):
             whole, *others = (self.residual(models, m) for models in folds)
             for fold, part in enumerate(others, 1):

@@ -60,16 +60,25 @@ class ResidualTable(Effect):
             ("position", "coulomb", coulomb, over_position, "N/m"),
             ("velocity", "velocity_force", 1.0, over_velocity, "N s/m"),
         ):
+            unfit = refuse_nodes(parameters, nodes, table)
+            if unfit is not None:
+                return unfit
             at, heights = np.array(parameters[nodes]), scale * np.array(parameters[table])
-            if not 2 <= len(at) <= _MOST_NODES:
-                return f"{nodes}: must have 2 to {_MOST_NODES} nodes, has {len(at)}"
-            if not (np.diff(at) > 0.0).all():
-                return f"{nodes}: must increase from node to node"
-            if len(heights) != len(at):
-                return f"{table}: must have {len(at)} values like {nodes}, has {len(heights)}"
             slope, highest = float(np.abs(np.diff(heights) / np.diff(at)).max()), heights.max()
             if slope > steepest:
                 return f"{table}: changes by {slope:.3g} {unit}, at most {steepest:.3g} {unit}"
             if table == "coulomb" and highest > (peak := axis.control.peak_force):
                 return f"{table}: friction of {highest:.3g} N is above the peak force of {peak:g} N"
         return None
+
+
+def refuse_nodes(parameters: Mapping[str, Any], nodes: str, table: str) -> str | None:
+    """Why a table cannot belong to its nodes, keys of `parameters`; None where it can."""
+    at, heights = np.array(parameters[nodes]), np.array(parameters[table])
+    if not 2 <= len(at) <= _MOST_NODES:
+        return f"{nodes}: must have 2 to {_MOST_NODES} nodes, has {len(at)}"
+    if not (np.diff(at) > 0.0).all():
+        return f"{nodes}: must increase from node to node"
+    if len(heights) != len(at):
+        return f"{table}: must have {len(at)} values like {nodes}, has {len(heights)}"
+    return None

@@ -24,6 +24,7 @@ from sim2real.attribution.candidates import TrackedDictionary
 from sim2real.attribution.levels import Levels, is_wander, settle_levels
 from sim2real.dictionary import Candidate, shift_only_place
 from sim2real.fitting import (
+    STEP,
     AxisModel,
     AxisProblem,
     Fitted,
@@ -43,12 +44,14 @@ from sim2real.scoring.constants import (
     LEAST_GAIN,
     MASS,
     MOST_EFFECTS,
+    NEAR,
     OPEN,
     PASSES,
     PROMISING,
     RIVALS,
     SCALED,
     WANDERS,
+    WITHIN,
 )
 
 F64 = NDArray[np.float64]
@@ -83,8 +86,10 @@ def search_effects(
     ranking = Ranking(problem, loop)
     selection = _Selection(problem, library, ranking, progress, is_hopeless)
     last, steps = ranking.enter(plain), dict[str, _Step]()
-    # What does not show in the closed loop is no gap, whatever the innovations say.
-    for _ in range(PASSES if open_gap > OPEN * FLOOR_LEVEL else 0):
+    # What does not show in the closed loop is no gap, whatever the innovations say, nor is what the
+    # machine file's figures explain within their tolerance.
+    is_gap = open_gap > OPEN * FLOOR_LEVEL and not _is_tolerance(problem, last)
+    for _ in range(PASSES if is_gap else 0):
         last, added = selection.look_forward(last)
         steps |= {step.name: step for step in added}
         effects = last.model.names()
@@ -119,6 +124,12 @@ def search_effects(
         levels=levels.odds,
         scanned=selection.scanned,
     )
+
+
+def _is_tolerance(problem: AxisProblem, plain: Alternative) -> bool:
+    """Whether figures within their tolerance explain an axis."""
+    within = np.abs(plain.model.base[:STEP] / problem.spread[:STEP]).max() < WITHIN
+    return bool(within) and plain.gap < NEAR and problem.is_white(plain.fitted.residual)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from hil_sim.effects import Effect
 from sim2real.attribution import AxisResult
 from sim2real.axis_units import unit_on
 from sim2real.diagnosis.examination import Examination, Progress
-from sim2real.findings import Cause, EmpiricalForce, FittedFigure, Unlisted
+from sim2real.findings import FittedFigure, Unlisted
 from sim2real.fitting import (
     BASE,
     AxisModel,
@@ -28,8 +28,8 @@ from sim2real.fitting import (
     with_base,
 )
 from sim2real.free_loop import FreeSearch, move_covariance, search_free
-from sim2real.held_out import FLOOR_LEVEL, HeldOut, Remaining
-from sim2real.open_loop import FIGURES, MotionLoop, compare_along, describe_residual, measure_motion
+from sim2real.held_out import FLOOR_LEVEL, FOLDS, HeldOut, Models, Remaining
+from sim2real.open_loop import FIGURES, MotionLoop, compare_along
 from sim2real.rivals import Screen, find_rivals
 from sim2real.scoring.constants import OPEN
 
@@ -115,26 +115,35 @@ def _hold_out(examined: Examination, searches: Mapping[str, FreeSearch]) -> Held
     # `MotionLoop` counts the force twice, in place of the position: half of that energy is real.
     loops = {name: search.loop for name, search in searches.items()}
     before = [loop.energies(loop.residual(loop.start)) / 2.0 for loop in loops.values()]
-    after = {
-        name: loops[name].held_out([fold.residual for fold in search.folds]) / 2.0
+
+    def leaves(folds: Sequence[Models]) -> Remaining:
+        energies, rms = [], {}
+        for name, loop in loops.items():
+            residuals = [loop.residual(models.get(name, loop.start)) for models in folds]
+            energies.append(loop.held_out(residuals) / 2.0)
+            floors = math.sqrt(float(energies[-1].sum() / loop.samples.sum()))
+            rms[name] = {"force": floors * (examined.gap or {})[name]["force"].floor}
+        return Remaining(np.column_stack(energies), rms)
+
+    folds = [
+        {name: search.folds[fold].model for name, search in searches.items()}
+        for fold in range(FOLDS)
+    ]
+    without = {
+        (name, index): leaves(
+            [{**models, name: _without(models[name], effect)} for models in folds]
+        )
         for name, search in searches.items()
+        for index, effect in enumerate(search.best.model.names())
     }
-    without = {}
-    for name, search in searches.items():
-        for index, effect in enumerate(search.best.model.names()):
-            fewer = [loops[name].residual(_without(fold.model, effect)) for fold in search.folds]
-            energies_of = {**after, name: loops[name].held_out(fewer) / 2.0}
-            without[name, index] = Remaining(np.column_stack(list(energies_of.values())), {})
-    rms = {}
-    for name, energies in after.items():
-        floors = math.sqrt(float(energies.sum() / loops[name].samples.sum()))
-        rms[name] = {"force": floors * (examined.gap or {})[name]["force"].floor}
     models = {name: search.best.model for name, search in searches.items()}
     stage = compose_stage(examined.settings, models)
     return HeldOut(
         np.column_stack([loop.samples for loop in loops.values()]),
         np.column_stack(before),
-        Remaining(np.column_stack(list(after.values())), rms),
+        folds,
+        leaves,
+        leaves(folds),
         without,
         {name: slice(at, at + 1) for at, name in enumerate(searches)},
         tuple(compare_along(motion, stage).floor.nominal for motion in examined.motions),
@@ -144,36 +153,6 @@ def _hold_out(examined: Examination, searches: Mapping[str, FreeSearch]) -> Held
 def _without(model: AxisModel, name: str) -> AxisModel:
     names = model.names()
     return model.without(names.index(name)) if name in names else model
-
-
-def only_causes(models: Mapping[str, AxisModel], causes: Sequence[Cause]) -> dict[str, AxisModel]:
-    """The models without effects that are no causes."""
-    named = {(cause.axis, cause.effect) for cause in causes}
-    return {
-        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
-        for name, model in models.items()
-    }
-
-
-def describe_forces(
-    examined: Examination, models: Mapping[str, AxisModel], causes: Sequence[Cause]
-) -> tuple[EmpiricalForce, ...]:
-    """Descriptions of what is left of the forces, where one can be had.
-
-    Args:
-        examined: the recordings.
-        models: as fitted.
-        causes: that are named. What is described is what a twin with these effects leaves; on an
-            axis without causes, what the machine file leaves.
-    """
-    known = {name: model for name, model in models.items() if name in {c.axis for c in causes}}
-    settings = compose_stage(examined.settings, only_causes(known, causes))
-    motions = examined.motions or tuple(
-        measure_motion(m.replay.recording, settings) for m in examined.measured
-    )
-    measured = [compare_along(motion, settings) for motion in motions]
-    forces = (describe_residual(name, motions, measured, settings) for name in examined.gap or {})
-    return tuple(force for force in forces if force is not None)
 
 
 def fitted_figures(

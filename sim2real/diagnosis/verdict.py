@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
@@ -13,9 +14,10 @@ from sim2real.attribution import (
     list_candidates,
     of_size,
 )
-from sim2real.diagnosis.along_motion import describe_forces, fitted_figures, only_causes
+from sim2real.diagnosis.along_motion import fitted_figures
 from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
 from sim2real.diagnosis.plant_figures import settle_figures
+from sim2real.diagnosis.promises import only_causes, promise, share_promised
 from sim2real.diagnosis.reason import describe_far_off, give_reason
 from sim2real.experiment import propose_experiment
 from sim2real.findings import (
@@ -27,6 +29,7 @@ from sim2real.findings import (
     Candidate,
     Cause,
     Confusable,
+    FigureChange,
     GapReport,
     NextExperiment,
     SelectionStep,
@@ -41,7 +44,7 @@ from sim2real.fitting import (
     with_base,
 )
 from sim2real.gap import NO_GAP_BELOW, Signals
-from sim2real.held_out import HeldOut, Remaining, combined_energy, share_closed
+from sim2real.held_out import HeldOut, combined_energy, share_closed
 from sim2real.scoring.constants import ENOUGH, NEAR
 
 _SMALLER = 2.0
@@ -92,11 +95,21 @@ def conclude(
     """
     considered, candidates, confusable = _gather(examined, results, held_out)
     causes = [cause for cause in considered if cause.probability > 0.5]
-    whole = all(result.is_complete for result in results.values())
-    after = _as_named(examined, results, held_out, causes)
-    whole = whole and after is held_out.after
-    share, interval = share_closed(held_out.before, after.energies, held_out.samples)
+    named = {(cause.axis, cause.effect) for cause in causes}
+    is_whole_model = all(
+        (axis, name) in named
+        for axis, result in results.items()
+        for name in result.best.model.names()
+    )
+    whole = is_whole_model and all(result.is_complete for result in results.values())
+    models, changes = _twin_models(examined, results, causes)
+    unlisted = _unlisted(results)
+    predict = partial(promise, examined, held_out, models, causes, unlisted)
+    promised = predict(describe=False)
+    share, interval = share_promised(held_out, promised.named)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
+    if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
+        promised = predict(describe=True)
     plain = report_without_causes(examined)
     report = replace(
         plain,
@@ -104,36 +117,55 @@ def conclude(
         reason=give_reason(verdict, causes, results, share, examined, whole=whole),
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
-        unlisted=_unlisted(results),
+        unlisted=unlisted,
         confusable=tuple(confusable),
         steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
-    models = {name: result.best.model for name, result in results.items()}
+    if causes or promised.forces:
+        by_twin, its_interval = share_promised(held_out, promised.twin)
+        report = replace(
+            report,
+            empirical=promised.forces,
+            gap_closed_by_twin=by_twin,
+            gap_closed_by_twin_interval=its_interval,
+        )
     if causes:
         in_sample = None
-        if held_out.fitted is not None and after is held_out.after:
+        if held_out.fitted is not None and is_whole_model:
             in_sample, _ = share_closed(held_out.before, held_out.fitted, held_out.samples)
         report = replace(
             report,
             causes=tuple(causes),
             gap={
-                axis: {s: replace(f, explained=after.rms[axis][s]) for s, f in signals.items()}
+                axis: {
+                    s: replace(f, explained=promised.named.rms[axis][s]) for s, f in signals.items()
+                }
                 for axis, signals in (examined.gap or {}).items()
             },
             gap_closed=share,
             gap_closed_interval=interval,
             gap_closed_in_sample=in_sample,
+            figures=changes,
         )
     if examined.open_loop is None:
         report = replace(report, next_experiment=_next(report, results, examined))
+    report = replace(report, fitted=fitted_figures(examined, results, models))
     diagnosis = Diagnosis(report, models, _searches(results))
-    if causes:
-        diagnosis = _with_twin(diagnosis, examined, results, held_out)
-    final = diagnosis.models
-    report = replace(diagnosis.report, fitted=fitted_figures(examined, results, final))
-    if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
-        report = replace(report, empirical=describe_forces(examined, final, causes))
-    return replace(diagnosis, report=report)
+    return _with_twin(diagnosis, examined, results, held_out) if causes else diagnosis
+
+
+def _twin_models(
+    examined: Examination, results: Mapping[str, AxisResult], causes: Sequence[Cause]
+) -> tuple[dict[str, AxisModel], tuple[FigureChange, ...]]:
+    """All models, where causes are named with the figures of a twin, and what these change."""
+    if not causes:
+        return {name: result.best.model for name, result in results.items()}, ()
+    settled = {
+        name: settle_figures(result, examined.unknown.get(name, ()))
+        for name, result in results.items()
+    }
+    changes = tuple(change for _, changed in settled.values() for change in changed)
+    return {name: model for name, (model, _) in settled.items()}, changes
 
 
 def _unlisted(results: Mapping[str, AxisResult]) -> tuple[Unlisted, ...]:
@@ -152,19 +184,11 @@ def _with_twin(
     results: Mapping[str, AxisResult],
     held_out: HeldOut,
 ) -> Diagnosis:
-    """A diagnosis that names causes, with the figures of a twin and what shows its effects."""
-    settled = {
-        name: settle_figures(result, examined.unknown.get(name, ()))
-        for name, result in results.items()
-    }
-    models = {name: model for name, (model, _) in settled.items()}
-    changes = tuple(change for _, changed in settled.values() for change in changed)
+    """A diagnosis that names causes, with what shows its effects."""
     return replace(
         diagnosis,
-        report=replace(diagnosis.report, figures=changes),
-        models=models,
         explained=held_out.explained,
-        plant=moved_figures(examined.settings, models),
+        plant=moved_figures(examined.settings, diagnosis.models),
         steps={
             name: tuple(step.model for step in result.free.steps)
             for name, result in results.items()
@@ -190,28 +214,6 @@ def _gather(
         candidates += list_candidates(result, causes_here, above_floor)
     causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
     return causes, candidates, confusable
-
-
-def _as_named(
-    examined: Examination,
-    results: Mapping[str, AxisResult],
-    held_out: HeldOut,
-    causes: Sequence[Cause],
-) -> Remaining:
-    """What is left on held-out moves of what the causes named promise.
-
-    The twin has only these: of a model with other effects, the worst without one of them counts.
-    """
-    named = {(cause.axis, cause.effect) for cause in causes}
-    unnamed = [
-        held_out.without[axis, index]
-        for axis, result in results.items()
-        for index, name in enumerate(result.best.model.names())
-        if (axis, name) not in named
-    ]
-    if not causes or not unnamed or examined.open_loop is not None:
-        return held_out.after
-    return max(unnamed, key=lambda left: combined_energy(left.energies, held_out.samples))
 
 
 def _verdict(

@@ -54,7 +54,8 @@ class FreeLoop:
         has_figure: whether the machine file's figure is not zero, of each base parameter.
         move: number of the move that each element belongs to, int64[R].
         samples: valid samples of each move, float64[moves].
-        fold: number of the fold that each move belongs to, int64[moves]; in pairs of moves.
+        pair: number of the pair, there and back, that each move belongs to, int64[moves].
+        fold: number of its fold, int64[moves].
         duration: of the longest recording [s].
         travelled: lowest and highest demand [m].
         extent: the distance between them [m].
@@ -82,7 +83,7 @@ class FreeLoop:
             name == "mass" or getattr(self.axis.friction, name) != 0.0 for name in BASE
         ]
         self.measured = tuple(measured)
-        moves, folds, count = [], [], 0
+        moves, pairs, count = [], [], 0
         for m in measured:
             valid = m.replay.valid(name)
             number = np.zeros(len(valid), dtype=np.int64)
@@ -90,11 +91,12 @@ class FreeLoop:
             for block in blocks:
                 number[block.start : block.stop] = count + block.number
             count += len(blocks)
-            folds += [(block.number // 2) % FOLDS for block in blocks]
+            pairs += [block.number // 2 for block in blocks]
             moves += [number[valid]] * 2
         self.move: NDArray[np.int64] = np.concatenate(moves)
         self.samples: F64 = np.bincount(self.move, minlength=count) / 2.0
-        self.fold = np.array(folds, dtype=np.int64)
+        self.pair = np.array(pairs, dtype=np.int64)
+        self.fold = self.pair % FOLDS
         period = measured[0].replay.period
         demands = [m.replay.demand[:, self._at] for m in measured]
         self.duration = max(map(len, demands)) * period
@@ -199,10 +201,11 @@ class FreeLoop:
         """Energies of the moves, each by the residual of its fold, float64[moves].
 
         Args:
-            residuals: for each fold, what the model leaves that was fitted to all others.
+            residuals: for each of any number of folds, what the model leaves that was fitted to all
+                others.
         """
         each = np.array([self.energies(residual) for residual in residuals])
-        return np.asarray(each[self.fold, np.arange(len(self.fold))])
+        return np.asarray(each[self.pair % len(each), np.arange(len(self.pair))])
 
     def gap(self, residual: F64, moves: BoolArray | None = None) -> float:
         """Squared gap over floor, summed over both signals: 2 where nothing but noise is left.

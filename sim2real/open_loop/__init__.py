@@ -11,7 +11,6 @@ Positions are not predicted, and what lies between controller and reported force
 loop) does not show.
 """
 
-from sim2real.open_loop.empirical import describe_residual as describe_residual
 from sim2real.open_loop.figures import FIGURES as FIGURES
 from sim2real.open_loop.figures import fit_figures as fit_figures
 from sim2real.open_loop.lateness import find_delay as find_delay

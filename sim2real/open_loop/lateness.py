@@ -179,7 +179,7 @@ def _parts_of_force(moved: AxisMotion, usable: BoolArray, cutoff: float, period:
     parts = [moved.acceleration, sign, velocity, np.abs(velocity), velocity * np.abs(velocity)]
     parts += [place**power for power in range(4)]
     parts += [sign * eval_legendre(degree, when) for degree in (1, 2)]
-    return np.column_stack([low_passed(part, cutoff, period)[usable] for part in parts])
+    return low_passed(np.column_stack(parts), cutoff, period)[usable]
 
 
 def _basis(columns: F64) -> F64:

@@ -127,8 +127,7 @@ class MotionLoop(FreeLoop):
             motion.start,
         )
         position = np.broadcast_to(moved.position[:, None], force.shape)
-        low = [motion.low_pass(self.name, force[:, i]) for i in range(force.shape[1])]
-        return position, np.column_stack(low)
+        return position, motion.low_pass(self.name, force)
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """See `FreeLoop.respond_jointly`."""

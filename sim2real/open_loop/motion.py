@@ -86,7 +86,7 @@ class Motion:
     start: float = 0.0
 
     def low_pass(self, axis: str, force: F64) -> F64:
-        """A force as that of this axis was low-passed, float64[P] [N]."""
+        """Forces as that of this axis was low-passed, float64[P] or float64[P, n] [N]."""
         return low_passed(force, self.axes[axis].cutoff, self.period)
 
     def noise_of(self, axis: str, force: F64) -> float:
@@ -212,11 +212,14 @@ def _white_noise(values: F64) -> float:
 
 
 def low_passed(values: F64, cutoff: float, period: float) -> F64:
-    """Values without what is faster than a cutoff [Hz], not delayed, float64[P]; period in s."""
+    """Values without what is faster than a cutoff [Hz], not delayed; period in s.
+
+    Shaped as the values, float64[P] or float64[P, n].
+    """
     share = 2.0 * cutoff * period
     sections = butter(_ORDER, min(share, 0.9), output="sos")
     pad = min(len(values) - 1, round(3.0 / share) + 3 * _ORDER)
-    return np.asarray(sosfiltfilt(sections, values, padlen=pad))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
 
 
 def spread(flags: BoolArray, reach: int) -> BoolArray:

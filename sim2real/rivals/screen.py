@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.fitting import STEP, AxisModel
 from sim2real.free_loop import derivatives
+from sim2real.held_out import FOLDS
 from sim2real.open_loop import MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, nodes
 from stagedata import F64
 
-_FOLDS = 5
-"""Groups of moves, there and back together."""
+GROUPS = 2 * FOLDS
+"""Groups of moves, there and back together; each belongs to one fold."""
 _SMOOTH = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Weights of the penalty on second differences that are tried."""
 _LITTLE = 1e-6
@@ -36,11 +38,13 @@ class Prediction:
         energies: squared residual over floor of each move, float64[moves].
         values: fitted to all moves, in the order of its columns.
         sigma: of these.
+        folds: fitted to all moves but those of each of `GROUPS`.
     """
 
     energies: F64
     values: F64
     sigma: F64
+    folds: tuple[F64, ...]
 
     @property
     def energy(self) -> float:
@@ -85,16 +89,22 @@ class Screen:
         self._force = np.concatenate(parts)
         self._scale = [m.floor.rms[name]["force"] for m in loop.measured]
         self._block: NDArray[np.int64] = loop.move[self._force]
-        self._group = (self._block // 2) % _FOLDS
-        self._residual = loop.residual(loop.start)[self._force]
-        self._base = derivatives(loop, loop.start, loop.residual(loop.start), range(STEP))[
-            self._force
-        ]
+        self._group = loop.pair[self._block] % GROUPS
+        self._start = loop.residual(loop.start)
+        self._residual = self._start[self._force]
         rates = [self._sampling(number) for number in range(len(motions))]
         self._beside = np.concatenate(rates)
-        self.open = self._predict(
-            np.empty((len(self._residual), 0)), self._residual, [np.empty((0, 0))]
-        )
+
+    @cached_property
+    def open(self) -> Prediction:
+        """The machine file's figures within their tolerance, and no curve."""
+        return self._predict(np.empty((len(self._residual), 0)), self._residual, [np.empty((0, 0))])
+
+    @cached_property
+    def _base(self) -> F64:
+        """Derivatives by the plant's figures in sigmas, float64[R, STEP]."""
+        slopes = derivatives(self.loop, self.loop.start, self._start, range(STEP))
+        return np.asarray(slopes[self._force])
 
     @property
     def samples(self) -> float:
@@ -118,18 +128,40 @@ class Screen:
 
     def curve(self, coordinate: Coordinate) -> Curve | None:
         """The curve over a coordinate; None where the recordings do not cover it."""
-        at = nodes(coordinate, self._courses)
+        at = self.nodes(coordinate)
         if at is None:
             return None
-        parts = []
-        for number, course in enumerate(self._courses):
-            parts.append(self._seen(number, columns(coordinate, at, course)))
-        over = np.concatenate(parts)
+        over = self.columns(coordinate, at)
         size = over.shape[1]
-        penalty = _penalty(size if coordinate.is_curve else 0, size)
+        penalty = bending(size if coordinate.is_curve else 0, size)
         tried = _SMOOTH if coordinate.is_curve else _SMOOTH[:1]
         best = self._predict(over, self._residual, [weight * penalty for weight in tried])
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
+
+    def nodes(self, coordinate: Coordinate) -> F64 | None:
+        """Nodes of a curve, float64[n]; None where the recordings do not cover its coordinate."""
+        return nodes(coordinate, self._courses)
+
+    def extent(self, quantity: str) -> tuple[float, float]:
+        """Lowest and highest value of a quantity of the motion where the force is compared."""
+        pairs = zip(self._courses, self._used, strict=True)
+        used = np.concatenate([course.quantities[quantity][own] for course, own in pairs])
+        return float(used.min()), float(used.max())
+
+    def columns(self, coordinate: Coordinate, at: F64) -> F64:
+        """A curve of unit height at each node, as it shows in the residual, float64[R, n]."""
+        each = (columns(coordinate, at, course) for course in self._courses)
+        return np.concatenate([self._seen(number, own) for number, own in enumerate(each)])
+
+    def together(self, over: F64, penalty: F64) -> Prediction:
+        """Several curves beside the plant's figures as they are, with the best weight.
+
+        Args:
+            over: columns of all curves, float64[R, n].
+            penalty: on their bends, float64[n, n].
+        """
+        none = np.empty((len(self._residual), 0))
+        return self._predict(over, self._residual, [w * penalty for w in _SMOOTH], none)
 
     def model(self, model: AxisModel) -> Prediction | None:
         """A library model; its figures are fitted again from where they are.
@@ -149,7 +181,7 @@ class Screen:
     def _seen(self, number: int, forces: F64) -> F64:
         """Forces as they show in the residual of a recording, float64[samples, n]."""
         motion, name = self.loop.motions[number], self.loop.name
-        low = np.column_stack([motion.low_pass(name, force) for force in forces.T])
+        low = motion.low_pass(name, forces)
         return np.asarray(-low[self._used[number]] / self._scale[number])
 
     def _sampling(self, number: int) -> F64:
@@ -172,18 +204,20 @@ class Screen:
             over: float64[R, n].
             residual: float64[R].
             penalties: float64[n, n] per sample and squared column, each.
-            base: derivatives by the plant's figures in sigmas, float64[R, STEP]; None: those of
-                the machine file.
-            moved: by how many sigmas these figures have been moved already, float64[STEP].
+            base: derivatives by the plant's figures in sigmas, float64[R, F]; None: those of the
+                machine file.
+            moved: by how many sigmas these figures have been moved already, float64[F].
         """
         size, coherent = over.shape[1], self.loop.coherent
-        both = np.column_stack((over, self._base if base is None else base, self._beside, residual))
-        parts = [both[self._group == group] for group in range(_FOLDS)]
+        base = self._base if base is None else base
+        both = np.column_stack((over, base, self._beside, residual))
+        parts = [both[self._group == group] for group in range(GROUPS)]
         squares = [part.T @ part for part in parts]
         total = np.sum(squares, axis=0)
-        own = slice(size, size + STEP)
+        figures = base.shape[1]
+        own = slice(size, size + figures)
         prior = np.zeros((len(total) - 1, len(total) - 1))
-        prior[own, own] = coherent * np.eye(STEP)
+        prior[own, own] = coherent * np.eye(figures)
         held = np.zeros(len(prior))
         held[own] = 0.0 if moved is None else coherent * moved
         mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
@@ -203,7 +237,8 @@ class Screen:
         inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
         noise = coherent * max(energy / max(len(residual), 1), 1.0)
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
-        return Prediction(energies, _solve(total, prior, held), sigma)
+        folds = tuple(_solve(total - own, prior, held) for own in squares)
+        return Prediction(energies, _solve(total, prior, held), sigma, folds)
 
 
 def _solve(squares: F64, prior: F64, held: F64) -> F64:
@@ -214,7 +249,7 @@ def _solve(squares: F64, prior: F64, held: F64) -> F64:
     return np.asarray(-np.linalg.solve(scaled, (squares[:-1, -1] + held) / size) / size)
 
 
-def _penalty(bent: int, size: int) -> F64:
+def bending(bent: int, size: int) -> F64:
     """Squared second differences of the first `bent` of `size` heights."""
     penalty = np.zeros((size, size))
     if bent > 2:

@@ -82,6 +82,8 @@ place where this many of them were found. `--effects`."""
 
 # What is named, and how sure it is.
 
+WITHIN = 3.0
+"""Tolerances that a figure of the machine file may be off; of one stage in 70 some figure is."""
 NEAR = 3.0
 """Gap up to which a model is near the floor; models whose figures are within the machine file's
 tolerance show 1.5 to 3."""

@@ -273,14 +273,14 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
     for force in found.report.empirical:
         if force.axis not in effects:  # described beside the figures examined
             plant[force.axis] = _found_figures(machine, examined, force.axis)
-        effects.setdefault(force.axis, []).append(("residual_table", dict(force.table())))
-        comments.append(
+        effects.setdefault(force.axis, []).extend(force.effects())
+        places, speeds = force.position, force.velocity
+        comments += [
             f"residual_table on {force.axis} is a description and no cause. It closes "
-            f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,"
-        )
-        comments.append(
-            "on held-out strokes; nothing says that it holds beyond the motion recorded."
-        )
+            f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,",
+            f"on held-out strokes; beyond {places[0]:.4g} to {places[-1]:.4g} and speeds of "
+            f"{speeds[0]:.3g} to {speeds[-1]:.3g} it extrapolates.",
+        ]
     for figure in found.report.fitted:
         value = plant[figure.axis][figure.figure]
         comments.append(

@@ -7,7 +7,8 @@ import pytest
 
 from hil_sim.effects.residual_table import ResidualTable
 from sim2real.findings import finding_json
-from sim2real.open_loop import compare_along, describe_residual, measure_motion
+from sim2real.open_loop import MotionLoop, compare_along, measure_motion
+from sim2real.rivals import describe_force
 from tests.unit.sim2real.open_loop.test_motion import imported
 from tests.unit.sim2real.other_machines import TOOL, sliding, strokes
 
@@ -22,8 +23,12 @@ def odd(t, x, v, a):
 
 def described(machine, folder):
     recording, stage = imported(machine, folder)
-    motion = measure_motion(recording, stage)
-    return describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    return description(measure_motion(recording, stage), stage)
+
+
+def description(motion, stage, name="a", unlisted=()):
+    found = describe_force(MotionLoop(name, [motion], stage, 1e-4), unlisted)
+    return None if found is None else found.force
 
 
 def test_a_force_of_any_smooth_shape(tmp_path):
@@ -50,7 +55,7 @@ def test_forces_that_change_within_a_period_are_not_described(nominal):
     floor = along.floor.rms["x"]["force"]
     assert np.std(along.residual["x"]["force"][motion.axes["x"].usable]) > 5.0 * floor
     for name in ("x", "y"):
-        assert describe_residual(name, [motion], [along], stage) is None
+        assert description(motion, stage, name) is None
 
 
 def test_it_is_a_table_beside_the_model(tmp_path):
@@ -93,7 +98,7 @@ def test_what_is_claimed_is_what_the_twin_closes(tmp_path, coulomb):
     axis = replace(stage.axes[0], friction=replace(stage.axes[0].friction, coulomb=coulomb))
     stage = replace(stage, axes=(axis,))
     motion = measure_motion(recording, stage)
-    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    found = description(motion, stage)
     assert found.gap_closed == pytest.approx(closed_by_twin(motion, stage, found), abs=0.03)
     assert max(found.coulomb) * coulomb < 300.0
     if coulomb < 1.0:
@@ -124,7 +129,7 @@ def test_the_simulator_takes_the_table_of_a_light_and_slow_axis(tmp_path):
     axis = replace(axis, mass=0.01, friction=friction, control=control)
     stage = replace(stage, axes=(axis,))
     motion = measure_motion(recording, stage)
-    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    found = description(motion, stage)
     assert found.gap_closed > 0.5
     ResidualTable().check(found.table(), axis)
 
@@ -136,7 +141,12 @@ def test_an_axis_that_moves_in_every_other_pair_of_strokes_is_described(tmp_path
     moving = np.zeros(len(motion.recording), dtype=bool)
     for number, stroke in enumerate(strokes_of):
         moving[stroke.start : stroke.end] = number // 2 % 2 == 0
-    own = motion.axes["a"]
-    motion = replace(motion, axes={"a": replace(own, usable=own.usable & moving)})
-    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    own, logged = motion.axes["a"], motion.recording.axes["a"]
+    usable = own.usable & moving
+    motion = replace(
+        motion,
+        axes={"a": replace(own, usable=usable)},
+        recording=replace(motion.recording, axes={"a": replace(logged, valid=usable)}),
+    )
+    found = description(motion, stage)
     assert found.gap_closed > 0.8

@@ -1,0 +1,136 @@
+"""What a diagnosis promises for moves that it has not seen: of the names, and of the twin.
+
+Both are predictions of held-out moves in the same simulation that a user runs: with the effects
+that are named and no others, and with the curves of the twin beside them. Plant figures that the
+twin leaves as they are stay so here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hil_sim.effects import Effect
+from hil_sim.effects.library import own_effects
+from sim2real.diagnosis.examination import Examination
+from sim2real.findings import Cause, EmpiricalForce, Unlisted
+from sim2real.fitting import NUISANCES, AxisModel, Term, compose_stage
+from sim2real.held_out import FOLDS, HeldOut, Models, Remaining, combined_energy, share_closed
+from sim2real.open_loop import MotionLoop, measure_motion
+from sim2real.rivals import GROUPS, Description, describe_force
+
+_TOLERANCE = 1e-4
+"""Relative standard deviation of the plant's figures beside a description, which stay."""
+_LITTLE = 0.02
+"""Share of the gap that a description has to close beside the names."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Promises:
+    """What is promised.
+
+    Attributes:
+        named: what the named effects leave of held-out moves; by the machine file without any.
+        forces: descriptions of what no effect explains, that a twin gets.
+        twin: what names and descriptions leave.
+    """
+
+    named: Remaining
+    forces: tuple[EmpiricalForce, ...]
+    twin: Remaining
+
+
+def promise(
+    examined: Examination,
+    held_out: HeldOut,
+    models: Models,
+    causes: Sequence[Cause],
+    unlisted: Sequence[Unlisted],
+    *,
+    describe: bool,
+) -> Promises:
+    """Predict held-out moves by the effects named, and by the twin.
+
+    Args:
+        examined: the recordings.
+        held_out: models fitted to all moves but a fold's, and what they leave.
+        models: of the twin: figures as it has them, all effects fitted.
+        causes: that are named.
+        unlisted: coordinates that missing forces depend on.
+        describe: whether to describe what no effect explains.
+    """
+    folds = [
+        _as_twin(only_causes(held_out.folds[group % FOLDS], causes), models) if causes else {}
+        for group in range(GROUPS)
+    ]
+    left = named = held_out.leaves(folds[:FOLDS])
+    forces = []
+    twin = only_causes(models, causes) if causes else {}
+    gap = combined_energy(held_out.before, held_out.samples) - held_out.before.shape[1]
+    for found in _describe(examined, twin, unlisted) if describe else ():
+        beside = [
+            _with_force(models_of, force)
+            for models_of, force in zip(folds, found.folds, strict=True)
+        ]
+        try:
+            after = held_out.leaves(beside)
+        except ValueError:  # beside these effects the simulator does not take it
+            continue
+        before = combined_energy(left.energies, held_out.samples)
+        if before - combined_energy(after.energies, held_out.samples) > _LITTLE * gap:
+            left, folds = after, beside
+            forces.append(found.force)
+    return Promises(named, tuple(forces), left)
+
+
+def share_promised(
+    held_out: HeldOut, left: Remaining
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Share of the gap that is closed on held-out moves, and its interval."""
+    return share_closed(held_out.before, left.energies, held_out.samples)
+
+
+def only_causes(models: Models, causes: Sequence[Cause]) -> dict[str, AxisModel]:
+    """The models without effects that are no causes."""
+    named = {(cause.axis, cause.effect) for cause in causes}
+    return {
+        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
+        for name, model in models.items()
+    }
+
+
+def _as_twin(fold: Models, models: Models) -> dict[str, AxisModel]:
+    """A fold's models, with figures changed only where the twin changes them."""
+    return {
+        name: replace(model, base=np.where(models[name].base == 0.0, 0.0, model.base))
+        for name, model in fold.items()
+    }
+
+
+def _with_force(models: Models, force: EmpiricalForce) -> dict[str, AxisModel]:
+    """Models of a stage with a force that no effect explains."""
+    library: Mapping[str, Effect] = own_effects()
+    model = models.get(force.axis, AxisModel(np.zeros(NUISANCES)))
+    for name, values in force.effects():
+        ordered: Any = tuple(values[p.key] for p in library[name].parameters)
+        model = model.added(Term(library[name], ordered))
+    return {**models, force.axis: model}
+
+
+def _describe(
+    examined: Examination, twin: Models, unlisted: Sequence[Unlisted]
+) -> list[Description]:
+    """Descriptions of what a twin with these models leaves of the forces, where one can be had."""
+    settings = compose_stage(examined.settings, twin)
+    motions = examined.motions or tuple(
+        measure_motion(m.replay.recording, replace(settings, start=m.replay.start))
+        for m in examined.measured
+    )
+    found = []
+    for name in examined.gap or {}:
+        own = [u for u in unlisted if u.axis == name]
+        found.append(describe_force(MotionLoop(name, motions, settings, _TOLERANCE), own))
+    return [each for each in found if each is not None]

@@ -1,0 +1,191 @@
+"""The force that no effect explains, described by curves: over position, direction and velocity.
+
+A description, not a cause: nothing says that it holds elsewhere than where the axis has been. It is
+a sum of curves, each linear between its nodes,
+
+    F = a(x) + c(x) sgn(v) + h(v),   h(0) = 0,
+
+and over motor force or the path since a reversal where the missing force depends on these. It is
+fitted along the measured motion by least squares with a penalty on second differences, judged on
+strokes that took no part, and limited to what effects can represent. In those c(x) is a factor on
+the model's Coulomb force, so it cannot reverse friction, and it is 0 where that force is below the
+floor of the gap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects.residual_table import ResidualTable
+from hil_sim.settings import AxisSettings
+from sim2real.findings import EmpiricalForce, Unlisted
+from sim2real.gap import NO_GAP_BELOW
+from sim2real.open_loop import MotionLoop
+from sim2real.rivals.coordinates import Coordinate, as_curve
+from sim2real.rivals.screen import Screen, bending
+from stagedata import F64
+
+_PLACES = 13
+"""Nodes over the travelled length, unless the missing force is known to need more."""
+_LEAST, _LITTLE = 0.1, 0.01
+"""Shares of the gap below which a description says nothing, and nodes at low velocities add
+nothing: what friction does there, and the model lacks, is no curve over velocity."""
+_SMALL = 1e-3
+"""Weight of each height beside that of the bends."""
+_FEWEST = 130
+"""Samples in motion that a description needs."""
+_ALONG = {"force": "force", "reversal_path": "path"}
+"""Further coordinates that a twin can have -> quantity of the motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Description:
+    """What is left of the force of an axis.
+
+    Attributes:
+        force: fitted to all moves.
+        folds: fitted to all moves but those of each of `GROUPS`.
+    """
+
+    force: EmpiricalForce
+    folds: tuple[EmpiricalForce, ...]
+
+
+def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> Description | None:
+    """The description of what a model leaves of an axis' force; None where it closes nothing.
+
+    Nodes at low velocities are left out where they add little, or the simulator would refuse the
+    curve as too steep.
+
+    Args:
+        loop: the axis under the model.
+        unlisted: coordinates that the missing force is known to depend on.
+    """
+    screen = Screen(loop)
+    opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy
+    if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
+        return None
+    most = len(_nodes(screen, Coordinate("velocity", "velocity"))) // 2 - 2
+    tried = (_Fit(screen, unlisted, skipped).description(opened) for skipped in range(most, -1, -2))
+    allowed = [
+        found
+        for found in tried
+        if all(
+            ResidualTable().refusal(force.table(), loop.axis) is None
+            for force in (found.force, *found.folds)
+        )
+    ]
+    enough = max((d.force.gap_closed for d in allowed), default=0.0) - _LITTLE
+    return next((d for d in allowed if d.force.gap_closed >= max(enough, _LEAST)), None)
+
+
+def _nodes(screen: Screen, coordinate: Coordinate) -> F64:
+    at = screen.nodes(coordinate)
+    return np.empty(0) if at is None else at
+
+
+class _Fit:
+    """All curves of a description, fitted together.
+
+    Args:
+        screen: the axis under the model.
+        unlisted: as `describe_force`.
+        skipped: nodes over velocity that are left out on each side of zero.
+    """
+
+    def __init__(self, screen: Screen, unlisted: Sequence[Unlisted], skipped: int) -> None:
+        loop = screen.loop
+        self._name = loop.name
+        low, high = screen.extent("position")
+        steps = {
+            u.over: min(u.curve.at[1] - u.curve.at[0], (high - low) / _PLACES) for u in unlisted
+        }
+        coordinates = [
+            Coordinate(over, "position", times, steps.get(over, step))
+            for over, times in (("position", ""), ("position_direction", "friction"))
+        ]
+        coordinates.append(Coordinate("velocity", "velocity"))
+        coordinates += [Coordinate(u.over, _ALONG[u.over]) for u in unlisted if u.over in _ALONG]
+        self._at: dict[str, tuple[Coordinate, F64]] = {}
+        columns, penalties = [], []
+        for coordinate in coordinates:
+            at = _nodes(screen, coordinate)
+            if len(at) < 2:
+                continue
+            middle = len(at) // 2
+            if coordinate.over == "velocity":
+                near = [*range(middle - skipped, middle), *range(middle + 1, middle + 1 + skipped)]
+                at = np.delete(at, near)
+            self._at[coordinate.over] = coordinate, at
+            columns.append(screen.columns(coordinate, at))
+            size = columns[-1].shape[1]
+            penalties.append(bending(size if coordinate.is_curve else 0, size))
+        self._level = _coulomb_level(
+            loop.axis, loop.settings.sync_period, self._at["position_direction"][1]
+        )
+        floor = float(np.mean([m.floor.rms[loop.name]["force"] for m in loop.measured]))
+        self._level[self._level < math.sqrt(2.0) * floor] = 0.0  # a `MotionLoop` halves its square
+        columns[1] = columns[1] * (self._level > 0.0)
+        self._edges = np.cumsum([0, *(own.shape[1] for own in columns)])
+        # Friction over position and over velocity share a constant.
+        penalty = _SMALL * np.eye(self._edges[-1])
+        for first, own in zip(self._edges, penalties, strict=False):
+            penalty[first : first + len(own), first : first + len(own)] += own
+        self._screen = screen
+        self._prediction = screen.together(np.hstack(columns), penalty)
+
+    def description(self, opened: float) -> Description:
+        """The fits as forces; `opened`: energy of the gap that is described."""
+        floor = self._screen.floor
+        closed = (opened - self._prediction.energy) / (opened - floor)
+        force, *folds = (
+            self._as_force(values, min(closed, 1.0))
+            for values in (self._prediction.values, *self._prediction.folds)
+        )
+        return Description(force, tuple(folds))
+
+    def _as_force(self, values: F64, closed: float) -> EmpiricalForce:
+        parts: dict[str, tuple[F64, F64]] = {}
+        for number, (over, (coordinate, at)) in enumerate(self._at.items()):
+            heights = values[self._edges[number] : self._edges[number + 1]]
+            if over == "reversal_path":  # element by element: no curve
+                parts[over] = at, heights
+            else:
+                _, places, forces, _ = as_curve(coordinate, at, heights, 0.0 * heights)
+                parts[over] = places, forces
+        level = self._level
+        where, against = parts["position_direction"]
+        against = np.where(level > 0.0, np.maximum(against, -level), 0.0)
+        factor = 1.0 + np.divide(against, level, out=np.zeros(len(level)), where=level > 0.0)
+        places = np.union1d(where, parts["position"][0])
+        always = np.interp(places, *parts["position"])
+        against, factor = (np.interp(places, where, heights) for heights in (against, factor))
+        speeds, over_velocity = parts["velocity"]
+        lists = [places, always, against, speeds, over_velocity]
+        force = EmpiricalForce(
+            self._name, closed, *(tuple(part.tolist()) for part in lists),
+            coulomb=tuple(factor.tolist()),
+        )  # fmt: skip
+        if "force" in parts and (np.diff(parts["force"][0]) > 0.0).all():
+            nodes, lost = (tuple(part.tolist()) for part in parts["force"])
+            force = replace(force, motor_force=nodes, lost=lost)
+        if "reversal_path" in parts:
+            widths, heights = parts["reversal_path"]
+            kept = heights > 0.0
+            path = tuple(widths[kept].tolist()), tuple(heights[kept].tolist())
+            force = replace(force, path=path[0], resistance=path[1])
+        return force
+
+
+def _coulomb_level(axis: AxisSettings, sync_period: float, places: F64) -> F64:
+    """Coulomb force of the model at places, float64[n] [N]."""
+    ports = EffectPorts.filled(axis, sync_period, 0.0)
+    level = np.full(len(places), axis.friction.coulomb * ports.coulomb)
+    if ports.position_coulomb is not None:
+        level = level * np.interp(places, ports.positions, ports.position_coulomb)
+    return np.asarray(level)
