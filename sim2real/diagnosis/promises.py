@@ -80,7 +80,9 @@ def promise(
         except ValueError:  # beside these effects the simulator does not take it
             continue
         before = combined_energy(left.energies, held_out.samples)
-        if before - combined_energy(after.energies, held_out.samples) > _LITTLE * gap:
+        _, interval = share_promised(held_out, after)
+        closes = before - combined_energy(after.energies, held_out.samples) > _LITTLE * gap
+        if closes and interval is not None and interval[0] > 0.0:
             left, folds = after, beside
             forces.append(found.force)
     return Promises(named, tuple(forces), left)

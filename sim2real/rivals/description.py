@@ -41,6 +41,8 @@ _FEWEST = 130
 """Samples in motion that a description needs."""
 _ALONG = {"force": "force", "reversal_path": "path"}
 """Further coordinates that a twin can have -> quantity of the motion."""
+_CURVES = ("position", "position_direction", "velocity", *_ALONG)
+"""Coordinates that a description has."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +61,9 @@ class Description:
 def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> Description | None:
     """The description of what a model leaves of an axis' force; None where it closes nothing.
 
+    None, too, where the force depends on what no twin has, such as time: over position it would be
+    another one in the next run.
+
     Nodes at low velocities are left out where they add little, or the simulator would refuse the
     curve as too steep.
 
@@ -66,6 +71,8 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> Descr
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
+    if any(u.over not in _CURVES for u in unlisted):
+        return None
     screen = Screen(loop)
     opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
@@ -102,9 +109,8 @@ class _Fit:
         loop = screen.loop
         self._name = loop.name
         low, high = screen.extent("position")
-        steps = {
-            u.over: min(u.curve.at[1] - u.curve.at[0], (high - low) / _PLACES) for u in unlisted
-        }
+        step = (high - low) / (_PLACES - 1)
+        steps = {u.over: min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
         coordinates = [
             Coordinate(over, "position", times, steps.get(over, step))
             for over, times in (("position", ""), ("position_direction", "friction"))
