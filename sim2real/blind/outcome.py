@@ -48,7 +48,8 @@ class Outcome:
         sigmas: "axis.effect.key" -> (reported - true)/sigma, of causes named correctly.
         gap: combined gap in floors of the machine file against the first recording.
         promised: gap closed that the report promises, None where it promises none.
-        second: gap closed by the same twin on the second run, None likewise.
+        second: gap closed by the same effects on the second run, None likewise.
+        promised_by_twin, second_by_twin: the same of the twin as it is written.
         seconds: time of the diagnosis [s].
         processor: processor time of all cores together [s].
         key, nonce, digest: of the seal.
@@ -74,6 +75,8 @@ class Outcome:
     digest: str
     error: str = ""
     unlisted: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    promised_by_twin: Number | None = None
+    second_by_twin: Number | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; figures that are not finite are null."""

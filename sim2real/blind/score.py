@@ -87,6 +87,7 @@ class Score:
             library.
         parameters: within 3 of their sigmas.
         promise: gap closed on the second run within 0.08 of what was promised.
+        twin: the same of the twin as it is written.
         closed: median gap closed with the one effect named correctly, None where there is none.
         error: expected calibration error, None without causes.
         bins: that it is made of.
@@ -113,6 +114,7 @@ class Score:
     left_out: Share
     parameters: Share
     promise: Share
+    twin: Share
     closed: float | None
     error: float | None
     bins: tuple[Bin, ...]
@@ -130,9 +132,8 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
     }
     one = of_kind["one"]
     deviations = [value for o in known for value in o.sigmas.values()]
-    promised = [
-        abs(o.promised - o.second) for o in known if o.promised is not None and o.second is not None
-    ]
+    promised = _off((o.promised, o.second) for o in known)
+    by_twin = _off((o.promised_by_twin, o.second_by_twin) for o in known)
     closed = [o.promised for o in one if is_first_right(o) and o.promised is not None]
     bins = calibration_bins(
         (cause.probability, right) for o in known for cause, right in judge_causes(o)
@@ -162,6 +163,7 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         _share([o for o in outcomes if o.leave_out and o.truth], is_honest),
         Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
         Share(sum(off <= PROMISE for off in promised), len(promised)),
+        Share(sum(off <= PROMISE for off in by_twin), len(by_twin)),
         float(np.median(closed)) if closed else None,
         sum(b.causes * abs(b.probability - b.right) for b in bins) / causes if causes else None,
         bins,
@@ -169,6 +171,11 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         float(np.median(processor)) if processor else None,
         dict(Counter((o.truth[0].kin, _first_name(o)) for o in one)),
     )
+
+
+def _off(pairs: Iterable[tuple[float | None, float | None]]) -> list[float]:
+    """Distances of what was promised to what was closed, where both are known."""
+    return [abs(one - other) for one, other in pairs if one is not None and other is not None]
 
 
 def true_pairs(outcome: Outcome) -> set[Pair]:

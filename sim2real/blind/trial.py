@@ -160,11 +160,12 @@ def run_trial(
     seconds, processor = clock() - begin, spent() - begun
     report = None if found is None else found.report
     promised = None if report is None else report.gap_closed
-    second = None
+    promised_by_twin = None if report is None else report.gap_closed_by_twin
+    second = second_by_twin = None
     if found is not None and promised is not None:
-        before = measure_gap(trial.second, setup.settings)
-        after = compare_with_model(trial.second, found.twin(setup.settings), 1).gap
-        second = gap_closed(before, after)
+        second = _closed(trial.second, setup.settings, found.named(setup.settings))
+    if found is not None and promised_by_twin is not None:
+        second_by_twin = _closed(trial.second, setup.settings, found.twin(setup.settings))
     gap = measure_gap(trial.first, setup.settings, 3)
     return Outcome(
         setup.seed,
@@ -186,7 +187,15 @@ def run_trial(
         trial.sealed.digest,
         error,
         () if report is None else tuple((u.axis, (u.over, *u.alike)) for u in report.unlisted),
+        promised_by_twin,
+        second_by_twin,
     )
+
+
+def _closed(recording: Recording, settings: StageSettings, model: StageSettings) -> float | None:
+    """Share of a recording's gap that a model closes; None where there is hardly a gap."""
+    before = measure_gap(recording, settings)
+    return gap_closed(before, compare_with_model(recording, model, 1).gap)
 
 
 def reported_causes(report: GapReport) -> tuple[ReportedCause, ...]:

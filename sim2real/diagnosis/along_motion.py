@@ -56,39 +56,38 @@ def search_along_motion(
     examined: Examination,
     tolerance: Mapping[str, float],
     library: Mapping[str, Effect],
-    jobs: int,
+    workers: Workers,
     progress: Progress,
 ) -> tuple[dict[str, AxisResult], HeldOut]:
     """Search all axes along their motion, and predict held-out moves.
 
-    Arguments as `diagnosis.diagnose`.
+    Arguments as `diagnosis.diagnose`; workers: threads for the fits.
     """
     names = list(examined.gap or {})
     searches, loops = {}, {}
-    with Workers(jobs) as workers:
-        for number, name in enumerate(names):
+    for number, name in enumerate(names):
 
-            def advance(share: float, before: int = number) -> None:
-                progress("effects", round(100 * (before + share)), 100 * len(names))
+        def advance(share: float, before: int = number) -> None:
+            progress("effects", round(100 * (before + share)), 100 * len(names))
 
-            advance(0.0)
-            unknown = examined.unknown.get(name, ())
-            loop = MotionLoop(
-                name, examined.motions, examined.settings, tolerance.get(name, 0.0), workers
-            )
-            for at, figure in enumerate(BASE):
-                least = _UNKNOWN if figure in unknown else _MASS if figure == "mass" else 1e-4
-                loop.spread[at] = max(float(loop.spread[at]), least)
-            same = {effect for figure in unknown for effect in _SAME_AS.get(figure, ())}
-            sought = {
-                n: effect
-                for n, effect in library.items()
-                if effect.searched and n not in same and n not in _BEHIND
-            }
-            loops[name], searches[name] = loop, search_free(loop, sought, advance)
-        progress("effects", 100 * len(names), 100 * len(names))
-        results = {name: _result(search, loops[name]) for name, search in searches.items()}
-        return results, _hold_out(examined, searches)
+        advance(0.0)
+        unknown = examined.unknown.get(name, ())
+        loop = MotionLoop(
+            name, examined.motions, examined.settings, tolerance.get(name, 0.0), workers
+        )
+        for at, figure in enumerate(BASE):
+            least = _UNKNOWN if figure in unknown else _MASS if figure == "mass" else 1e-4
+            loop.spread[at] = max(float(loop.spread[at]), least)
+        same = {effect for figure in unknown for effect in _SAME_AS.get(figure, ())}
+        sought = {
+            n: effect
+            for n, effect in library.items()
+            if effect.searched and n not in same and n not in _BEHIND
+        }
+        loops[name], searches[name] = loop, search_free(loop, sought, advance)
+    progress("effects", 100 * len(names), 100 * len(names))
+    results = {name: _result(search, loops[name]) for name, search in searches.items()}
+    return results, _hold_out(examined, searches)
 
 
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:

@@ -60,8 +60,9 @@ def diagnose(
     if examined.insufficient is not None or examined.gap is None:
         return Diagnosis(report_without_causes(examined), {}, {})
     if examined.open_loop is not None:
-        results, held_out = search_along_motion(examined, tolerance, library, jobs, progress)
-        return conclude(examined, results, held_out)
+        with Workers(jobs) as workers:
+            results, held_out = search_along_motion(examined, tolerance, library, workers, progress)
+            return conclude(examined, results, held_out)
     settings = examined.settings
     # The workers are left first: on Ctrl-C they stop the searches that the pool waits for.
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool, Workers(jobs) as workers:

@@ -72,7 +72,7 @@ def promise(
     gap = combined_energy(held_out.before, held_out.samples) - held_out.before.shape[1]
     for found in _describe(examined, twin, unlisted) if describe else ():
         beside = [
-            _with_force(models_of, force)
+            with_force(models_of, force)
             for models_of, force in zip(folds, found.folds, strict=True)
         ]
         try:
@@ -112,8 +112,8 @@ def _as_twin(fold: Models, models: Models) -> dict[str, AxisModel]:
     }
 
 
-def _with_force(models: Models, force: EmpiricalForce) -> dict[str, AxisModel]:
-    """Models of a stage with a force that no effect explains."""
+def with_force(models: Models, force: EmpiricalForce) -> dict[str, AxisModel]:
+    """Models of a stage with a force that no effect explains; an axis without one is nominal."""
     library: Mapping[str, Effect] = own_effects()
     model = models.get(force.axis, AxisModel(np.zeros(NUISANCES)))
     for name, values in force.effects():

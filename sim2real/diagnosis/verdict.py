@@ -17,7 +17,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.along_motion import fitted_figures
 from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
 from sim2real.diagnosis.plant_figures import settle_figures
-from sim2real.diagnosis.promises import only_causes, promise, share_promised
+from sim2real.diagnosis.promises import only_causes, promise, share_promised, with_force
 from sim2real.diagnosis.reason import describe_far_off, give_reason
 from sim2real.experiment import propose_experiment
 from sim2real.findings import (
@@ -78,9 +78,20 @@ class Diagnosis:
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     steps: Mapping[str, Sequence[AxisModel]] = field(default_factory=dict)
 
-    def twin(self, settings: StageSettings) -> StageSettings:
+    def named(self, settings: StageSettings) -> StageSettings:
         """The stage of the machine file with the causes, and with plant figures changed."""
-        return compose_stage(settings, only_causes(self.models, self.report.causes))
+        return compose_stage(settings, self._named())
+
+    def twin(self, settings: StageSettings) -> StageSettings:
+        """The same with what no effect explains, as described."""
+        models = self._named()
+        for force in self.report.empirical:
+            models = with_force(models, force)
+        return compose_stage(settings, models)
+
+    def _named(self) -> dict[str, AxisModel]:
+        causes = self.report.causes
+        return only_causes(self.models, causes) if causes else {}
 
 
 def conclude(

@@ -208,6 +208,9 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
             interval = f" ({low:.0f}{DASH}{high:.0f} %)"
         meaning = f"of the gap closed, on held-out moves{interval}"
         figures.append((percent(report.gap_closed), meaning))
+    if report.empirical and report.gap_closed_by_twin is not None:
+        share = percent(report.gap_closed_by_twin)
+        figures.append((share, "of it by the twin, with what no effect explains"))
     if report.gap_closed_elsewhere is not None:
         share = percent(report.gap_closed_elsewhere)
         figures.append((share, "closed on the recordings of --check"))
@@ -269,7 +272,7 @@ def _steps(report: GapReport) -> Section:
 def _empirical(report: GapReport) -> Section:
     facts = tuple(
         Fact(
-            f"{f.axis}: a smooth force over position, direction and velocity closes "
+            f"{f.axis}: a smooth force over {', '.join(f.coordinates())} closes "
             f"{percent(f.gap_closed)} of what is left on held-out strokes; it describes the gap "
             "but names no cause"
         )
