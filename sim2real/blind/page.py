@@ -56,8 +56,8 @@ trials in order of probability, in bins of at least {BIN}; the error is the mean
 a bin's mean probability and its share of right causes. Parameters are measured in their own sigma;
 a missing sigma counts as outside. The promises are the report's `gap_closed` and
 `gap_closed_by_twin`; each is compared with the gap closed by the same model on the second run. A
-trial without a report is wrong. Seconds include channels, floor and location; where the machine had other work, only the processor seconds (of all
-cores together) are meaningful.
+trial without a report is wrong. Seconds include channels, floor and location; where the machine had
+other work, only the processor seconds (of all cores together) are meaningful.
 """
 
 _ROWS: tuple[tuple[str, str, float | None], ...] = (

@@ -69,23 +69,30 @@ def promise(
     left = named = held_out.leaves(folds[:FOLDS])
     forces = []
     twin = only_causes(models, causes) if causes else {}
-    gap = combined_energy(held_out.before, held_out.samples) - held_out.before.shape[1]
-    for found in _describe(examined, twin, unlisted) if describe else ():
-        beside = [
-            with_force(models_of, force)
-            for models_of, force in zip(folds, found.folds, strict=True)
-        ]
-        try:
-            after = held_out.leaves(beside)
-        except ValueError:  # beside these effects the simulator does not take it
+    samples = held_out.samples
+    gap = combined_energy(held_out.before, samples) - held_out.before.shape[1]
+    for candidates in _describe(examined, twin, unlisted) if describe else ():
+        tried = [t for each in candidates if (t := _try_beside(held_out, folds, each)) is not None]
+        if not tried:
             continue
-        before = combined_energy(left.energies, held_out.samples)
+        after, beside, force = min(tried, key=lambda t: combined_energy(t[0].energies, samples))
         _, interval = share_promised(held_out, after)
-        closes = before - combined_energy(after.energies, held_out.samples) > _LITTLE * gap
-        if closes and interval is not None and interval[0] > 0.0:
+        fall = combined_energy(left.energies, samples) - combined_energy(after.energies, samples)
+        if fall > _LITTLE * gap and interval is not None and interval[0] > 0.0:
             left, folds = after, beside
-            forces.append(found.force)
+            forces.append(force)
     return Promises(named, tuple(forces), left)
+
+
+def _try_beside(
+    held_out: HeldOut, folds: Sequence[Models], found: Description
+) -> tuple[Remaining, list[dict[str, AxisModel]], EmpiricalForce] | None:
+    """What models leave with a description, and both; None where they cannot be simulated."""
+    beside = [with_force(models, force) for models, force in zip(folds, found.folds, strict=True)]
+    try:
+        return held_out.leaves(beside), beside, found.force
+    except ValueError:
+        return None
 
 
 def share_promised(
@@ -124,8 +131,8 @@ def with_force(models: Models, force: EmpiricalForce) -> dict[str, AxisModel]:
 
 def _describe(
     examined: Examination, twin: Models, unlisted: Sequence[Unlisted]
-) -> list[Description]:
-    """Descriptions of what a twin with these models leaves of the forces, where one can be had."""
+) -> list[tuple[Description, ...]]:
+    """For each axis, descriptions of what a twin with these models leaves of its force."""
     settings = compose_stage(examined.settings, twin)
     motions = examined.motions or tuple(
         measure_motion(m.replay.recording, replace(settings, start=m.replay.start))
@@ -135,4 +142,4 @@ def _describe(
     for name in examined.gap or {}:
         own = [u for u in unlisted if u.axis == name]
         found.append(describe_force(MotionLoop(name, motions, settings, _TOLERANCE), own))
-    return [each for each in found if each is not None]
+    return found

@@ -32,9 +32,12 @@ from stagedata import F64
 
 _PLACES = 13
 """Nodes over the travelled length, unless the missing force is known to need more."""
-_LEAST, _LITTLE = 0.1, 0.01
-"""Shares of the gap below which a description says nothing, and nodes at low velocities add
-nothing: what friction does there, and the model lacks, is no curve over velocity."""
+_LEAST = 0.1
+"""Share of the gap below which a description says nothing."""
+_BEYOND = 1.5
+"""How far a curve over velocity goes on beyond the speeds recorded: friction and drag do."""
+_SKIPPED = (5, 3, 1)
+"""Nodes over velocity that are left out on each side of zero, beginning there."""
 _SMALL = 1e-3
 """Weight of each height beside that of the bends."""
 _FEWEST = 130
@@ -58,37 +61,34 @@ class Description:
     folds: tuple[EmpiricalForce, ...]
 
 
-def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> Description | None:
-    """The description of what a model leaves of an axis' force; None where it closes nothing.
+def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple[Description, ...]:
+    """Descriptions of what a model leaves of an axis' force, those with fewest nodes first.
 
-    None, too, where the force depends on what no twin has, such as time: over position it would be
-    another one in the next run.
-
-    Nodes at low velocities are left out where they add little, or the simulator would refuse the
-    curve as too steep.
+    They differ by the nodes at low velocities: along the motion these tell little, in the closed
+    loop they may tell much. Those that the simulator would refuse as too steep are left out. None,
+    where a description closes nothing, or the force depends on what no twin has, such as time: over
+    position it would be another one in the next run.
 
     Args:
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
     if any(u.over not in _CURVES for u in unlisted):
-        return None
+        return ()
     screen = Screen(loop)
     opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
-        return None
-    most = len(_nodes(screen, Coordinate("velocity", "velocity"))) // 2 - 2
-    tried = (_Fit(screen, unlisted, skipped).description(opened) for skipped in range(most, -1, -2))
-    allowed = [
+        return ()
+    tried = (_Fit(screen, unlisted, skipped).description(opened) for skipped in _SKIPPED)
+    return tuple(
         found
         for found in tried
-        if all(
+        if found.force.gap_closed >= _LEAST
+        and all(
             ResidualTable().refusal(force.table(), loop.axis) is None
             for force in (found.force, *found.folds)
         )
-    ]
-    enough = max((d.force.gap_closed for d in allowed), default=0.0) - _LITTLE
-    return next((d for d in allowed if d.force.gap_closed >= max(enough, _LEAST)), None)
+    )
 
 
 def _nodes(screen: Screen, coordinate: Coordinate) -> F64:
@@ -171,7 +171,7 @@ class _Fit:
         places = np.union1d(where, parts["position"][0])
         always = np.interp(places, *parts["position"])
         against, factor = (np.interp(places, where, heights) for heights in (against, factor))
-        speeds, over_velocity = parts["velocity"]
+        speeds, over_velocity = _continued(*parts["velocity"], self._screen.loop.axis.velocity)
         lists = [places, always, against, speeds, over_velocity]
         force = EmpiricalForce(
             self._name, closed, *(tuple(part.tolist()) for part in lists),
@@ -186,6 +186,18 @@ class _Fit:
             path = tuple(widths[kept].tolist()), tuple(heights[kept].tolist())
             force = replace(force, path=path[0], resistance=path[1])
         return force
+
+
+def _continued(speeds: F64, forces: F64, limit: float) -> tuple[F64, F64]:
+    """A curve over velocity that goes on straight, up to the axis' limit [m/s] at most."""
+    low, high = (max(-limit, _BEYOND * speeds[0]), min(limit, _BEYOND * speeds[-1]))
+    slopes = np.diff(forces)[[0, -1]] / np.diff(speeds)[[0, -1]]
+    ends = (forces[0] + slopes[0] * (low - speeds[0]), forces[-1] + slopes[1] * (high - speeds[-1]))
+    inside = (speeds > low) & (speeds < high)
+    return (
+        np.concatenate(([low], speeds[inside], [high])),
+        np.concatenate(([ends[0]], forces[inside], [ends[1]])),
+    )
 
 
 def _coulomb_level(axis: AxisSettings, sync_period: float, places: F64) -> F64:

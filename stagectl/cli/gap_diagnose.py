@@ -279,7 +279,7 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
             f"residual_table on {force.axis} is a description and no cause. It closes "
             f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,",
             f"on held-out strokes; beyond {places[0]:.4g} to {places[-1]:.4g} and speeds of "
-            f"{speeds[0]:.3g} to {speeds[-1]:.3g} it extrapolates.",
+            f"{speeds[1]:.3g} to {speeds[-2]:.3g} it extrapolates.",
         ]
     for figure in found.report.fitted:
         value = plant[figure.axis][figure.figure]
