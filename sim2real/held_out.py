@@ -20,9 +20,8 @@ from hil_sim.settings import StageSettings
 from sim2real.fitting import AxisModel, AxisProblem, compose_stage, fit
 from sim2real.gap import NO_GAP_BELOW, Measured, Signals, rms, subtract_signals
 from sim2real.phases import split_moves
-from stagedata import BoolArray
+from stagedata import F64, BoolArray
 
-F64 = NDArray[np.float64]
 Share = tuple[float, tuple[float, float]]
 """A share of the gap, and its 95 % interval."""
 Models = Mapping[str, AxisModel]

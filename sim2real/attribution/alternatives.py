@@ -9,9 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, clip_to_plausible, fit
 from sim2real.scoring import effects_penalty
 from sim2real.scoring.constants import (
@@ -26,8 +23,7 @@ from sim2real.scoring.constants import (
     SHORT,
     TEMPER,
 )
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 LoopGap = Callable[[AxisModel], float]
 """Squared closed-loop gap over floor of the axis under a model (`sim2real.held_out.axis_gap`)."""

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.attribution.alternatives import Alternative, score_alternative
@@ -32,8 +31,7 @@ from sim2real.scoring.constants import (
     TEMPER,
     VISIBLE,
 )
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

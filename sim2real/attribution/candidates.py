@@ -8,7 +8,6 @@ are also found in the course of the level that it tracked (`follow`).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from sim2real.attribution.levels import level_course
@@ -16,8 +15,7 @@ from sim2real.attribution.signature import effect_inputs, first_order_signature
 from sim2real.dictionary import Candidate, Dictionary, Linearised, typical
 from sim2real.fitting import AxisProblem, Fitted, Term
 from sim2real.tracking import Track
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _PRIOR_STIFFNESS = 5.0
 """Factor by which base parameters are held tighter than their tolerance, since a first-order

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
@@ -24,8 +23,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, implausi
 from sim2real.fitting import is_coulomb_level as is_level
 from sim2real.scoring.constants import ALIKE, IMPLAUSIBLE, LEVEL_MISFIT
 from sim2real.tracking import Track
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _SLIDING = 0.02
 """Velocity from which the level shows [m/s]: at rest the filter forgets it."""

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect
 from hil_sim.effects.ports import EffectPorts
@@ -53,8 +52,7 @@ from sim2real.scoring.constants import (
     WANDERS,
     WITHIN,
 )
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _SHIFT, _PERIOD = 0.1, 1e-3
 """Distance over which a constant force is compared [m]; any period will do for that [s]."""

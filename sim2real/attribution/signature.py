@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.fitting import Term, with_effects
 from sim2real.tracking import Gains, Track, innovation_response
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _SIMULATED = (
     "stiffness",

@@ -11,13 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.experiment import stroke
-from stagedata import Move
-
-F64 = NDArray[np.float64]
+from stagedata import F64, Move
 
 POSITION_UNIT = 1e-9
 """Unit of target positions on the bus [m]."""

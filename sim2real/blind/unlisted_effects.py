@@ -14,13 +14,12 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.effect import Group
 from hil_sim.effects.ports import EffectPorts
+from stagedata import F64
 
-F64 = NDArray[np.float64]
 Values = Mapping[str, float]
 
 CENTER = Parameter("center", "m", "where", None, role="place")

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect
 from sim2real.attribution import AxisResult
@@ -32,8 +31,6 @@ from sim2real.held_out import FLOOR_LEVEL, FOLDS, HeldOut, Models, Remaining
 from sim2real.open_loop import FIGURES, MotionLoop, compare_along
 from sim2real.rivals import Screen, find_rivals
 from sim2real.scoring.constants import OPEN
-
-F64 = NDArray[np.float64]
 
 _UNKNOWN = 0.19
 """Relative standard deviation of a figure that the machine file leaves unknown, around the value

@@ -32,8 +32,7 @@ from sim2real.fitting import (
     with_base,
 )
 from sim2real.scoring.constants import RELATIVE, WANDER_SHARE
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _UNITS = ("kg", "N", "N s/m", "N/m", "1", "m/s", "N/s")
 """Units of `BASE`."""

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
@@ -28,8 +27,7 @@ from sim2real.dictionary.nodes import (
     typical,
 )
 from sim2real.fitting import AxisModel, Term, coordinates
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _NODES = 3
 """Nodes that are simulated where signatures are known to first order."""

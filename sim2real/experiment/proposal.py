@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
@@ -27,8 +26,7 @@ from sim2real.experiment.sequences import (
 from sim2real.findings import SHORTEST, NextExperiment
 from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _JERK = 100.0
 """Jerk of the macro-moves [m/s^3]."""

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.experiment.strokes import stroke
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _CREEP = 0.06
 """Share of the highest speed for slow sweeps."""

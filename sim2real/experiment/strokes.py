@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 def stroke(distance: float, speed: float, acceleration: float, jerk: float, period: float) -> F64:

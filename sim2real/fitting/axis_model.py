@@ -6,14 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hil_sim.effects import Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 BASE = (
     "mass",

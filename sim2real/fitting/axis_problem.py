@@ -16,15 +16,12 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
 from sim2real.fitting.axis_model import MAX_REFINEMENT, NUISANCES, STEP, AxisModel
 from sim2real.fitting.workers import Workers
 from sim2real.tracking import Gains, Track, Tracker
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 _BASE_STEP = 0.01
 """Relative step of the base parameters for difference quotients: wide enough to average over single

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.fitting.axis_model import AxisModel, Term
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 
 @dataclass(frozen=True, slots=True)

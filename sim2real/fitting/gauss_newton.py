@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim2real.fitting.axis_model import MAX_REFINEMENT, MAX_SIGMAS, NUISANCES, STEP, AxisModel
 from sim2real.fitting.axis_problem import AxisProblem, Fitted, agreeing_slope
@@ -23,8 +22,7 @@ from sim2real.fitting.normal_equations import (
     sandwich_covariance,
     solve_scaled,
 )
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _SIGNATURE_STEP = 0.05
 """Change of an effect's signature, relative, that the step of a difference quotient aims at."""

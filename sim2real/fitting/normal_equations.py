@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim2real.fitting.axis_model import NUISANCES
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _CANCELLED = 5e-2
 """Eigenvalue of J'J, with the blocks of J orthonormal, below which a direction is dropped: columns

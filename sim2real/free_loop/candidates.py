@@ -8,16 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect, Parameter
 from sim2real.dictionary import Dictionary, Linearised, typical
 from sim2real.fitting import STEP, Fitted
 from sim2real.free_loop.fit import derivatives, free_cost
 from sim2real.free_loop.loop import FreeLoop
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 _PEAKS, _BESIDE, _BEYOND = 3, 0.35, 1.5
 """Number of peaks of the residual force that are tried for a pitch or frequency; distance to a line

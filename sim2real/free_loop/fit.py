@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim2real.fitting import (
     MAX_SIGMAS,
@@ -21,9 +20,7 @@ from sim2real.fitting import (
 )
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.held_out import FLOOR_LEVEL
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 _BASE_STEP = 0.01
 """Relative step of the base parameters for difference quotients."""

@@ -20,9 +20,7 @@ from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Workers
 from sim2real.gap import Measured
 from sim2real.held_out import FOLDS
 from sim2real.phases import split_moves
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 _SIDE_BY_SIDE = 4
 """Models simulated at once: more gain nothing."""

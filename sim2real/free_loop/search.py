@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate
@@ -40,9 +39,7 @@ from sim2real.scoring.constants import (
     SURE,
     VISIBLE,
 )
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import eval_legendre
 
 from hil_sim.plant import force_variants
@@ -22,8 +21,7 @@ from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_units import unit_on
 from sim2real.fitting import plant_figure, with_figures
 from sim2real.open_loop.motion import Motion
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 FIGURES = {"mass": "kg", "coulomb": "N", "viscous": "N s/m"}
 """Figures that may be unknown, and their units."""

@@ -19,9 +19,7 @@ from scipy.special import eval_legendre
 
 from hil_sim.settings import AxisSettings
 from sim2real.open_loop.motion import AxisMotion, Motion, low_passed, spread
-from stagedata import AxisSignals, BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, AxisSignals, BoolArray
 
 _SAMPLES, _SECONDS = 8, 0.05
 """Longest delay that is looked for, in samples or in seconds, whichever is longer."""

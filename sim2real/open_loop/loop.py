@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant import force_along, force_variants
 from hil_sim.settings import AxisSettings, StageSettings
@@ -21,8 +20,7 @@ from sim2real.fitting import Workers
 from sim2real.free_loop import FreeLoop
 from sim2real.gap import Floor, Measured, Replay, Signals, rms
 from sim2real.open_loop.motion import Motion
-
-F64 = NDArray[np.float64]
+from stagedata import F64
 
 _WANDER = 0.01
 """Wander of the Coulomb force where the machine file states none: no sliding guide repeats better,

@@ -14,15 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, welch
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.gap import match_periods
 from sim2real.phases import split_phases
-from stagedata import AxisSignals, BoolArray, Move, Recording
-
-F64 = NDArray[np.float64]
+from stagedata import F64, AxisSignals, BoolArray, Move, Recording
 
 _SLOWEST, _FASTEST = 0.5, 0.2
 """Lowest cutoff of the force [Hz], and the highest over the sample rate."""

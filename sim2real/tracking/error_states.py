@@ -11,11 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stagedata import F64
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 STATES = 5
 

@@ -10,7 +10,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil_sim.plant import advance, command
 from sim2real.tracking.error_states import (
@@ -20,10 +19,8 @@ from sim2real.tracking.error_states import (
     propagate_covariance,
     transfer_slip,
 )
-from stagedata import BoolArray
+from stagedata import F64, BoolArray
 from stagedata.compiled import kernel
-
-F64 = NDArray[np.float64]
 
 _TRUST = 0.03
 """Relative standard deviation of each change of the model's friction force: uncertainty about

@@ -27,9 +27,7 @@ from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.gap import Replay, run_by_model, stated_step
 from sim2real.tracking.error_states import STATES, Gains
 from sim2real.tracking.kernel import Deviations, Recorded, Tracked, track
-from stagedata import BoolArray
-
-F64 = NDArray[np.float64]
+from stagedata import F64, BoolArray
 
 _FINE = 1e-13
 """Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""

@@ -48,7 +48,7 @@ def test_it_goes_on_straight_beyond_the_speeds_recorded(tmp_path):
     slopes = np.diff(found.over_velocity) / np.diff(found.velocity)
     assert slopes[0] == pytest.approx(slopes[1])
     assert slopes[-1] == pytest.approx(slopes[-2])
-    assert found.velocity[-1] == pytest.approx(1.5 * found.velocity[-2])
+    assert found.velocity[-1] > 1.05 * found.velocity[-2]
 
 
 @pytest.mark.parametrize("over", ["time", "frequency", "acceleration", "other_axis"])
