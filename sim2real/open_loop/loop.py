@@ -20,11 +20,12 @@ from sim2real.fitting import Workers
 from sim2real.free_loop import FreeLoop
 from sim2real.gap import Floor, Measured, Replay, Signals, rms
 from sim2real.open_loop.motion import Motion
+from sim2real.open_loop.repeats import scatter_of_repeats
 from stagedata import F64
 
 _WANDER = 0.01
-"""Wander of the Coulomb force where the machine file states none: no sliding guide repeats better,
-and a floor of noise alone would make every model look hopeless."""
+"""Wander of the Coulomb force where the machine file states none and no strokes repeat: few sliding
+guides repeat better, and a floor of noise alone would make every model look hopeless."""
 _SEED = 1
 
 
@@ -32,7 +33,8 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
     """The gap in force of a model against a recording, and its floor.
 
     The floor combines the noise of the low-passed force and of mass times acceleration, friction's
-    wander, and the force unit's rounding. Positions are the motion itself: their residual is zero
+    wander (where the machine file states none, that of strokes that repeat), and the force unit's
+    rounding. Positions are the motion itself: their residual is zero
     and they have no gap.
 
     Args:
@@ -54,7 +56,13 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
         simulated = motion.low_pass(name, force[:, a])
         nominal[name] = {"position": moved.position, "force": simulated}
         residual[name] = {"position": rest, "force": moved.force - simulated}
-        floor = _floor(motion.noise_of(name, force[:, a]), axis)
+        noise = motion.noise_of(name, force[:, a])
+        wander = axis.wander * axis.friction.coulomb
+        if not wander:
+            scatter = scatter_of_repeats(motion, name, residual[name]["force"])
+            assumed = _WANDER * axis.friction.coulomb
+            wander = assumed if scatter is None else math.sqrt(max(scatter**2 - noise**2, 0.0))
+        floor = math.hypot(noise, wander, axis.control.rated_force / 1000.0 / math.sqrt(12.0))
         floors[name] = {"position": 0.0, "force": floor}
         white = motion.low_pass(name, rng.standard_normal(count))
         drawn[name] = {"position": rest, "force": white * (floor / float(np.std(white)))}
@@ -76,12 +84,6 @@ def _forces_along(motion: Motion, settings: StageSettings) -> tuple[F64, F64]:
     acceleration = np.column_stack([axis.acceleration for axis in axes])
     stage = replace(settings, start=motion.start)
     return position, force_along(stage, (position, velocity, acceleration))
-
-
-def _floor(noise: float, axis: AxisSettings) -> float:
-    """What a perfect model would leave of the force [N rms]."""
-    unit = axis.control.rated_force / 1000.0 / math.sqrt(12.0)
-    return math.hypot(noise, (axis.wander or _WANDER) * axis.friction.coulomb, unit)
 
 
 class MotionLoop(FreeLoop):
