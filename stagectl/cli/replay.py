@@ -59,32 +59,28 @@ def _lines(result: ReplayResult, run: Path) -> list[str]:
         until = " up to where the run was killed" if result.outcome == "killed" else ""
         return [*lines, f"{run}: the host behaves identically{until} ({known})"]
     lines.append(f"{run}: the host differs at frame {difference.number} ({known})")
-    lines.append(f"  then: {_frame(difference.recorded, result, 'the log ends')}")
-    lines.append(f"  now:  {_frame(difference.sent, result, 'nothing more is sent')}")
+    then, now = result.words
+    lines.append(f"  then: {_frame(difference.recorded, then) or 'the log ends'}")
+    lines.append(f"  now:  {_frame(difference.sent, now) or 'nothing more is sent'}")
     return lines
 
 
-def _frame(frame: LoggedFrame | None, result: ReplayResult, nothing: str) -> str:
-    from stagectl.run.replay import frame_meaning
-
+def _frame(frame: LoggedFrame | None, words: str) -> str:
     if frame is None:
-        return nothing
+        return ""
     data = frame.data.hex(" ").upper() or "no data"
-    text = frame_meaning(frame.can_id, frame.data, result.machine)
-    return f"{frame.time_ns * 1e-9:.6f} s, 0x{frame.can_id:03X}, {data}: {text}"
+    return f"{frame.time_ns * 1e-9:.6f} s, 0x{frame.can_id:03X}, {data}: {words}"
 
 
 def _as_dict(result: ReplayResult) -> dict[str, Any]:
-    from stagectl.run.replay import frame_meaning
-
-    def frame(one: LoggedFrame | None) -> dict[str, Any] | None:
+    def frame(one: LoggedFrame | None, words: str) -> dict[str, Any] | None:
         if one is None:
             return None
         return {
             "time": round(one.time_ns * 1e-9, 9),
             "id": one.can_id,
             "data": one.data.hex(),
-            "meaning": frame_meaning(one.can_id, one.data, result.machine),
+            "meaning": words,
         }
 
     difference = result.difference
@@ -100,7 +96,7 @@ def _as_dict(result: ReplayResult) -> dict[str, Any]:
         if difference is None
         else {
             "number": difference.number,
-            "recorded": frame(difference.recorded),
-            "sent": frame(difference.sent),
+            "recorded": frame(difference.recorded, result.words[0]),
+            "sent": frame(difference.sent, result.words[1]),
         },
     }

@@ -21,7 +21,7 @@ from .journal_to_recording import (
     recover_left_over,
 )
 from .ledger import CycleLedger
-from .log_reader import LoggedFrame, read_log
+from .log_reader import LoggedBus, LoggedFrame, read_log
 from .recording import (
     RunNotes,
     read_ledger,
@@ -44,6 +44,7 @@ __all__ = [
     "CycleLedger",
     "Journal",
     "JournalHeader",
+    "LoggedBus",
     "LoggedFrame",
     "RecordingBlocks",
     "RunNotes",

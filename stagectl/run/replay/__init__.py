@@ -1,10 +1,9 @@
 """A run again on its recorded bus log; the first frame that the host sends differently is reported.
 
-`rerun` (the run), `bus` (the log as a bus), `meaning` (a frame in words).
+`rerun` (the run), `bus` (the log as a bus).
 """
 
 from stagectl.run.replay.bus import Difference
-from stagectl.run.replay.meaning import frame_meaning
 from stagectl.run.replay.rerun import ReplayResult, replay
 
-__all__ = ["Difference", "ReplayResult", "frame_meaning", "replay"]
+__all__ = ["Difference", "ReplayResult", "replay"]

@@ -9,11 +9,14 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from drivers.commissioning import FrameDecoder
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import driver_settings
 from stagectl.errors import UnusableInput
 from stagectl.maps import restore_snapshot
 from stagectl.measurement import Measurement, parse_measurement
@@ -27,6 +30,8 @@ from stagectl.sequencer import Mode
 from stagectl.store import (
     LOG_NAME,
     RECORDING_NAME,
+    LoggedBus,
+    LoggedFrame,
     RunNotes,
     read_log,
     read_notes,
@@ -46,7 +51,7 @@ class ReplayResult:
         digest: SHA-256 of the log.
         sealed: whether the log is as the run wrote it; None where it carries no digest.
         outcome: of the recorded run.
-        machine: of the recorded run.
+        words: the recorded and the sent frame of the difference in words; "" where there is none.
     """
 
     frames: int
@@ -55,7 +60,7 @@ class ReplayResult:
     digest: str
     sealed: bool | None
     outcome: str
-    machine: Machine
+    words: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,8 +118,23 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
         log.digest,
         None if not stated else stated == {log.digest},
         notes.outcome,
-        machine,
+        ("", "") if bus.difference is None else _in_words(bus.difference, log, machine),
     )
+
+
+def _in_words(difference: Difference, log: LoggedBus, machine: Machine) -> tuple[str, str]:
+    """The frames of a difference; what PDOs hold is heard from the frames before it."""
+    decoder = FrameDecoder(driver_settings(machine)[1])
+    for frame in islice(log.frames(), difference.number - 1):
+        decoder.decode(frame.can_id, frame.data)
+
+    def words(frame: LoggedFrame | None) -> str:
+        if frame is None:
+            return ""
+        decoded = decoder.decode(frame.can_id, frame.data)
+        return f"{decoded.who}, {decoded.service}: {decoded.text}"
+
+    return words(difference.recorded), words(difference.sent)
 
 
 def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:

@@ -14,7 +14,7 @@ def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(logged):
     said = " ".join(result.stdout.split())
     assert "was modified after the run" in said + result.stderr
     assert f"differs at frame {number}" in said
-    assert said.count("RPDO 1 of axis x: enable operation") == 2
+    assert said.count("x, RPDO 1: Controlword 0x001F (enable operation") == 2
 
 
 def test_what_the_host_gets_differently_shows_where_it_acts_on_it(logged):
