@@ -212,7 +212,7 @@ def in_place_of_ours(name: str, peer: Peer) -> Iterator[None]:
                     cast(LearnedCompensation, one).start(axis.plant.friction.figures)
                 return made
 
-            stack.enter_context(patch("stagectl.run.prepare.make_compensation", learned))
+            stack.enter_context(patch("stagectl.run.execution.make_compensation", learned))
         if name == DISTURBANCE:
 
             def rigid(machine: Machine, friction: dict[str, FrictionFigures]) -> object:

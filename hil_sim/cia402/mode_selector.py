@@ -11,9 +11,8 @@ from hil_sim.cia301 import require
 from hil_sim.cia402 import objects as o
 from hil_sim.cia402.demand import DemandSource
 from hil_sim.cia402.homing import Homing
-from hil_sim.cia402.modes import Context, CyclicPosition, Mode, ModeCode
+from hil_sim.cia402.modes import Context, CyclicPosition, CyclicTorque, Mode, ModeCode
 from hil_sim.cia402.profile_position import ProfilePosition
-from hil_sim.cia402.torque import CyclicTorque
 from hil_sim.cia402.velocity import CyclicVelocity, ProfileVelocity
 
 _MODES: dict[int, type[Mode]] = {

@@ -1,8 +1,11 @@
-"""Modes of operation: what they share, and cyclic synchronous position (csp).
+"""Modes of operation: what they share, and cyclic synchronous position and torque (csp, cst).
 
 A mode acts only in OPERATION ENABLED. In csp the target (0x607A) and the force offset (0x60B2) are
 taken over at each SYNC and interpolated linearly over 0x60C2, which must be the SYNC period;
-without SYNC nothing moves.
+without SYNC nothing moves. In cst the force itself is the setpoint, without a position loop: at
+each SYNC the sum of target torque (0x6071) and torque offset (0x60B2), within max torque (0x6072),
+acts at once. Halt, quick stop or another mode closes the position loop where the axis is. In both,
+bit 12 says that the drive follows the command value.
 """
 
 from __future__ import annotations
@@ -195,3 +198,24 @@ class CyclicPosition(Mode):
         self._command(target, force, self._ticks)
         if bits != self.bits:
             self.set_bits(bits)
+
+
+class CyclicTorque(CyclicPosition):
+    """cst (10)."""
+
+    def velocity(self) -> float:
+        """Velocity of the axis [m/s]: no demand is moving."""
+        if self.halted:
+            return super().velocity()
+        motor = self.context.motor
+        return motor.velocity() * motor.speed_unit
+
+    def on_sync(self) -> None:
+        """Take over the force of this SYNC."""
+        if self.halted:
+            return
+        wanted = self.integer(o.TARGET_TORQUE) + self.integer(o.TORQUE_OFFSET)
+        force = min(max(wanted, -self._force_limit), self._force_limit)
+        self.context.motor.command_force(force)
+        bits = MODE_BIT_12 if force == wanted else INTERNAL_LIMIT
+        self.set_bits(bits)

@@ -8,7 +8,7 @@ import socket
 from importlib.util import find_spec
 from pathlib import Path
 
-from stagectl.doctor.finding import Finding
+from stagectl.doctor.examination import Finding
 
 NETWORK = Path("/sys/class/net")
 _CAN = "280"  # ARPHRD_CAN

@@ -9,9 +9,9 @@ import numpy as np
 
 from stagectl.paper import published
 from stagectl.paper.case import Alignment, Case
-from stagectl.paper.fit import METHODS, Fit, fit, left_by_zone_a, two_windows, zone_a, zone_b
+from stagectl.paper.fit import ALPHA, METHODS, Fit, fit, left_by_zone_a, two_windows, zone_a, zone_b
 from stagectl.paper.published import PARAMETERS, REFERENCE, SYMBOLS
-from stagectl.paper.signals import prepare
+from stagectl.paper.simulate import prepare
 from stagectl.paper.tables import (
     ALIGNMENTS,
     CONDITIONS,
@@ -22,7 +22,6 @@ from stagectl.paper.tables import (
     one_window_ends,
     times_fewer,
 )
-from stagectl.paper.window import ALPHA
 from stagectl.report.formats import listed
 from stagedata import F64
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from stagectl.paper import published, simulate
 from stagectl.paper.published import PARAMETERS, SYMBOLS, TABLES, Printed
-from stagectl.paper.signals import Move, prepare
+from stagectl.paper.simulate import Move, prepare
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import (
     ALIGNMENTS,

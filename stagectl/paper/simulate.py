@@ -4,6 +4,12 @@ The friction is the simulator's (`hil_sim.plant`), not the estimator's. The cont
 the sample rate and holds its force; the mass is integrated at 200 kHz, velocity Verlet: its
 accelerations belong to the instants of the positions. (Semi-implicit Euler would shift them by half
 a step, 2.5 us, and sigma_v by 0.2 %.) No quantisation; encoder noise on request, inside the loop.
+
+The estimator's signals are central differences through a Butterworth filter forward and backward,
+over the whole record before the zones are cut from it. The force goes through the same filter;
+otherwise sigma0 and C are wrong. Force "as logged" is the command of the sample, held until the
+next one: on average it acts half a sample after the position. "Aligned" is the mean of the commands
+before and after the sample.
 """
 
 from __future__ import annotations
@@ -15,6 +21,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from scipy.signal import butter, sosfiltfilt
 
 from estimation.trajectory import Limits, Trajectory, plan
 from hil_sim.plant import Slip, element_shares, slip_step, stribeck
@@ -176,3 +183,61 @@ def _run(
                 slip = Slip(direction, dx, coulomb * curve, math.exp(-rate * dt / curve))
                 friction = slip_step(forces, slips, shares, slip, element_stiffness, count)
             v = (half + 0.5 * dt / mass * (u - friction)) / (1.0 + 0.5 * dt * viscous / mass)
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """The samples of a move and its zones.
+
+    Attributes:
+        period: [s].
+        time: since the demand started to move [s], shape (K,).
+        demand [m], position [m], velocity [m/s], acceleration [m/s^2], force [N]: shape (K,).
+        slide, turn, end: zone A is samples slide..turn-1, zone B turn..end-1.
+    """
+
+    period: float
+    time: F64
+    demand: F64
+    position: F64
+    velocity: F64
+    acceleration: F64
+    force: F64
+    slide: int
+    turn: int
+    end: int
+
+
+def prepare(case: Case) -> Move:
+    """Simulate, differentiate, align, filter, and find the zones.
+
+    Raises:
+        ValueError: the move cannot be simulated, or has no zone A or B.
+    """
+    record = simulate(case)
+    period = 1.0 / record.rate
+    x, u = record.position, record.force
+    velocity = (x[2:] - x[:-2]) / (2 * period)
+    acceleration = (x[2:] - 2 * x[1:-1] + x[:-2]) / period**2
+    force = u[1:-1] if case.force == "logged" else 0.5 * (u[:-2] + u[1:-1])
+    if case.cut_off is not None and case.cut_off < record.rate / 2:
+        sections = butter(case.order, case.cut_off, output="sos", fs=record.rate)
+        velocity = sosfiltfilt(sections, velocity)
+        acceleration = sosfiltfilt(sections, acceleration)
+        if case.filter_force:
+            force = sosfiltfilt(sections, force)
+    time, demand, position = (v[1:-1] for v in (record.time, record.demand, x))
+    # Noise at rest could look like motion, so the search begins once the stage has moved.
+    travelled = position - x[0] > (1e-3 if case.onset is None else case.onset)
+    began = travelled if case.onset is not None else travelled & record.slipping[1:-1]
+    if not began.any():
+        raise ValueError("the move has no zone A: not all elements slip")
+    slide = int(np.argmax(began))
+    back = velocity[slide:] <= 0
+    if not back.any():
+        raise ValueError("the move has no zone B: the velocity never goes through zero")
+    turn = slide + int(np.argmax(back)) + round(case.shift * record.rate)
+    end = turn + round(case.stick * record.rate)
+    if not (slide + 4 < turn < end <= len(position)):
+        raise ValueError(f"the zones leave the record: samples {slide}, {turn}, {end}")
+    return Move(period, time, demand, position, velocity, acceleration, force, slide, turn, end)

@@ -1,7 +1,7 @@
 """One run, from a recipe to its files.
 
-`execution` (the whole of it): `checks` (whether it can begin), `compilation`, `prepare`, `session`
-(the stage from boot to disabling, with `observers`), `record` (its files), `listener` (to whom it
+`execution` (the whole of it): `checks` (whether it can begin), `compilation`, `session` (the
+stage from boot to disabling, with `observers`), `record` (its files), `listener` (to whom it
 reports), `run_history` (its estimates), `retries` (after a fault), `recorded` (from its files:
 summary, page, list, where to resume), `replay` (a run again, on its bus log).
 

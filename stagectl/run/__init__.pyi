@@ -1,7 +1,6 @@
 from .checks import Checked, Substitutes, check, stage_key, start_time
-from .execution import execute
+from .execution import execute, find_measurement
 from .listener import Listener
-from .prepare import find_measurement
 from .recorded.documents import document_paths, is_calibration, rewrite_documents
 from .recorded.listing import ListedRun, list_runs
 from .recorded.resume import load_interrupted, recorded_measurement

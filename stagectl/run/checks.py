@@ -1,7 +1,7 @@
 """Whether a run can begin: all that can be checked without a bus, and before anything is written.
 
-A dry run ends here; a run goes on with what was read on the way (`prepare`). No kernel is compiled
-or loaded.
+A dry run ends here; a run goes on with what was read on the way (`execution.prepare`). No kernel is
+compiled or loaded.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 `engine` (the steps of a plan), `mover` (one move), `streamer` (its setpoints), `compensation` (its
 force offsets and what is learned), `samples` (what of it the estimator takes), `following_error`
-(the host's watch), `settling` and `verdict` (how the moves went).
+(the host's watch), `settling` (how the moves went).
 
 Its names, in `__init__.pyi`, are imported on first use: a dry run needs neither kernels nor HDF5.
 """

@@ -27,11 +27,12 @@ from .settling import (
     WINDOWS,
     MoveResult,
     MoveStatistics,
+    SiteVerdict,
     arrival,
+    judge,
     statistics,
     summarise_moves,
 )
-from .verdict import SiteVerdict, judge
 
 __all__ = [
     "RESOLUTION",

@@ -2,17 +2,20 @@
 
 Positions are the encoder's. Errors are taken against d_k = r_{k-1} + (r_k - r_{k-1}) Tc/Ts, the
 demand inside the drive when sample k is taken. Samples without a TPDO (`valid` false) are left out
-of every maximum and comparison.
+of every maximum and comparison. A site passes or fails by the recipe's `limits`, judged on its
+micro-move; one without (no fiducial) on its macro-move.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from stagectl.recipe import SiteLimits
 from stagedata import F64, Recording, aligned_demand
 
 BoolArray = npt.NDArray[np.bool_]
@@ -206,3 +209,62 @@ def statistics(results: Iterable[MoveResult], kind: str) -> MoveStatistics:
         settling_mean={w: float(np.mean(t)) for w, t in times.items()},
         settling_p90={w: float(np.quantile(t, 0.9)) for w, t in times.items()},
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SiteVerdict:
+    """One site; `failures` names what exceeded its limit, and is empty for a pass."""
+
+    site: int
+    failures: tuple[str, ...]
+
+
+def judge(
+    recording: Recording,
+    limits: SiteLimits,
+    window: float,
+    control_period: float,
+    sync_period: float,
+) -> tuple[SiteVerdict, ...]:
+    """Verdicts of all sites in the order of their visit; none where the recipe has no limits.
+
+    A site that was repeated after a fault is judged on its last visit.
+
+    Args:
+        recording: of the run.
+        limits: longest settling [s] to `window` and largest peak error [m].
+        window: the recipe's settle window [m].
+        control_period: Tc [s].
+        sync_period: Ts [s].
+    """
+    if limits.settling is None and limits.peak_error is None:
+        return ()
+    results = summarise_moves(recording, control_period, sync_period, (window,))
+    visits = {}
+    for number, move in enumerate(recording.moves):
+        if move.site is not None and (move.kind == "macro" or move.site not in visits):
+            visits[move.site] = number
+    sites: dict[int, list[MoveResult]] = {site: [] for site in visits}
+    for result in results:
+        if result.site is not None and result.move >= visits[result.site]:
+            sites[result.site].append(result)
+    return tuple(SiteVerdict(site, _failures(of, limits, window)) for site, of in sites.items())
+
+
+def _failures(results: Sequence[MoveResult], limits: SiteLimits, window: float) -> tuple[str, ...]:
+    judged = [r for r in results if r.kind == "micro"] or results
+    failures = []
+    for result in judged:
+        time, error = result.settling[window], result.peak_error
+        if limits.settling is not None and not (result.settled and time <= limits.settling):
+            failures.append(
+                f"{result.axis} settled in {time * 1e3:.0f} ms, limit {limits.settling * 1e3:g} ms"
+                if result.settled
+                else f"{result.axis} did not settle"
+            )
+        if limits.peak_error is not None and (math.isnan(error) or error > limits.peak_error):
+            failures.append(
+                f"{result.axis} peak error {error * 1e6:.3f} µm, "
+                f"limit {limits.peak_error * 1e6:g} µm"
+            )
+    return tuple(failures)

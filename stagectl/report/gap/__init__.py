@@ -1,7 +1,7 @@
 """What gaps and their diagnoses say, and the page of a diagnosis, which opens offline.
 
-`outline` builds it, `page` fills the template. `traces` and `views` say what is drawn; `moves` is
-the data of the charts of single moves.
+`outline` builds it, `page` fills the template and has the data of the charts of single moves.
+`traces` and `views` say what else is drawn.
 """
 
 from stagectl.report.gap.outline import diagnosis_outline as diagnosis_outline

@@ -1,12 +1,37 @@
 """What a machine can is said of every machine, and what it lacks comes with a remedy."""
 
 import json
+import re
 
 from click.testing import CliRunner
 
 from stagectl.cli.doctor import command
 from stagectl.doctor import NAMES
+from stagectl.doctor.examination import LATE, PERIOD, TOLERATED, examine_jitter, examine_scheduling
 from stagectl.errors import StagectlError
+
+
+def test_jitter_is_of_as_many_periods_as_fit_and_its_verdict_follows_from_it():
+    found = examine_jitter(0.05)
+    count = int(re.search(r"worst of (\d+)", found.found)[1])
+    late = int(re.search(r"(\d+) more than half a period", found.found)[1])
+    assert count == round(0.05 / PERIOD)
+    assert found.available is (late <= TOLERATED * count)
+    assert bool(found.remedy) is (late > 0)
+    worst = float(re.search(r"([\d-]+) µs \(worst", found.found)[1])
+    assert (worst > LATE * PERIOD * 1e6 - 1.0) or late == 0
+
+
+def test_what_is_not_granted_has_a_remedy():
+    found = examine_scheduling()
+    assert bool(found.remedy) is not found.available
+    assert found.found
+
+
+def test_the_kernels_say_where_they_are(findings):
+    kernels = findings[0]
+    assert kernels.available
+    assert "compiled here" in kernels.found
 
 
 def test_everything_is_examined_in_order_and_what_is_missing_has_a_remedy(findings):

@@ -3,7 +3,7 @@
 import pytest
 
 from stagectl.paper import Case, study
-from stagectl.paper.signals import prepare
+from stagectl.paper.simulate import prepare
 
 
 @pytest.fixture(scope="session")

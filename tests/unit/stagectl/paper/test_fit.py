@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stagectl.paper import Case, published
-from stagectl.paper.fit import METHODS, fit, one_window, two_windows, zone_a
+from stagectl.paper.fit import ALPHA, METHODS, TOTAL, fit, one_window, two_windows, zone_a
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.tables import error
-from stagectl.paper.window import ALPHA, TOTAL
 
 BOTH = pytest.mark.parametrize("method", METHODS)
 

@@ -7,8 +7,9 @@ from drivers.canopen import open_bus
 from hil_sim.bus import faults as f
 from stagectl.config import driver_settings, stage_settings
 from stagectl.errors import UnusableInput
-from stagectl.run import HostSettings, Listener, SimulatedStage, execute
-from stagectl.run.execution import virtual_stage
+from stagectl.history import StageKey, open_history
+from stagectl.run import HostSettings, Listener, Resumed, SimulatedStage, execute
+from stagectl.run.execution import file_earlier_runs, prepare, virtual_stage
 from stagectl.sequencer import Mode
 from stagectl.store import Journal, JournalHeader, read_recording
 from tests.unit.stagectl.run.whole import request_for
@@ -102,3 +103,50 @@ def test_faults_are_listed_as_they_are_injected(request_of, machine, bus):
             for _ in range(3):
                 opened.send(can.Message(arbitration_id=0x80, is_extended_id=False))
         assert [entry.count for entry in injected] == [3]
+
+
+@pytest.fixture
+def request_from(machine, tmp_path):
+    def make(folder="run", friction_scale=1.0, **given):
+        host = HostSettings(friction_scale=friction_scale)
+        return request_for(machine, tmp_path / folder, host=host, **given)
+
+    return make
+
+
+def coulomb(request):
+    told = []
+    _, compensation = prepare(request, told.append)
+    assert told == ["preparing the estimator"], "it takes long"
+    return [axis.estimator.friction.coulomb for axis in compensation]
+
+
+def test_a_run_starts_from_the_machine_file_scaled(request_from, machine):
+    stated = [axis.plant.friction.coulomb for axis in machine.axes.values()]
+    assert coulomb(request_from()) == pytest.approx(stated)
+    assert coulomb(request_from(friction_scale=0.5)) == pytest.approx([0.5 * c for c in stated])
+
+
+def test_a_resumed_run_starts_from_what_was_accepted_last(request_from, machine):
+    resumed = Resumed("/a", "t", 1, {"y": {"coulomb": (7.5, 0.1)}})
+    x, y = coulomb(request_from(resumed=resumed, friction_scale=0.5))
+    assert y == pytest.approx(7.5)
+    assert x == pytest.approx(0.5 * machine.axes["x"].plant.friction.coulomb)
+
+
+def test_without_a_history_nothing_is_filed_and_none_is_made(request_from, tmp_path):
+    told = []
+    file_earlier_runs(request_from(), told.append)
+    file_earlier_runs(request_from(history=str(tmp_path / "stage.db")), told.append)
+    assert told == []
+    assert not (tmp_path / "stage.db").exists()
+
+
+def test_a_run_that_the_history_has_is_not_filed_again(request_from, tmp_path):
+    where = tmp_path / "stage.db"
+    execute(request_from("first", history=str(where)), Listener())
+    told = []
+    file_earlier_runs(request_from("second", history=str(where)), told.append)
+    history = open_history(str(where))
+    assert (len(history.runs(StageKey("wafer-xy", True))), told) == (1, [])
+    history.close()
