@@ -11,7 +11,7 @@ With the exit code of the command line:
 
 The message is for the operator: one line (in a `ConfigError`, one per problem) that names file or
 axis, key or object, and cause. The command line prints only that. Exceptions of the other packages
-(`drivers.errors`, ...) become `RunFault` in the sequencer.
+(`drivers.errors`, ...) become `RunFault` in the sequencer, or by `drivers_failures`.
 """
 
 from __future__ import annotations
@@ -61,6 +61,23 @@ def unusable(*kinds: type[Exception], about: str = "") -> Iterator[None]:
         yield
     except kinds as error:
         raise UnusableInput(f"{about}{error}") from error
+
+
+@contextmanager
+def drivers_failures() -> Iterator[None]:
+    """Makes errors of the drivers those of the application.
+
+    Raises:
+        UnusableInput: there is no such bus.
+        RunFault: bus, node or axis failed.
+    """
+    from drivers.errors import BusOpenError, DriverError
+
+    try:
+        with unusable(BusOpenError):
+            yield
+    except DriverError as error:
+        raise RunFault(str(error)) from error
 
 
 _WRONG_PATH = frozenset(

@@ -16,7 +16,7 @@ import click
 
 from stagectl.cli.options import FILE, BusType, option
 from stagectl.cli.stage_options import TWO_BUSES
-from stagectl.errors import RunFault, UnusableInput
+from stagectl.errors import drivers_failures
 
 if TYPE_CHECKING:
     from drivers.canopen import Network
@@ -63,10 +63,7 @@ class Bench:
         self.machine: Machine = load_machine(self.file)
         self.settings: BusSettings
         self.axes: tuple[AxisSettings, ...]
-        self.settings, self.axes = driver_settings(self.machine)
-        if self.bus is not None:
-            interface, channel = self.bus
-            self.settings = replace(self.settings, interface=interface, channel=channel)
+        self.settings, self.axes = driver_settings(self.machine, self.bus)
 
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:
@@ -76,9 +73,7 @@ class Bench:
             UnusableInput: there is no such bus (in place of the driver's error, as below).
             RunFault: bus, node or axis failed.
         """
-        from drivers.errors import BusOpenError, DriverError
-
-        try:
+        with drivers_failures():
             if not self.simulated:
                 yield self.settings
                 return
@@ -90,10 +85,6 @@ class Bench:
             VirtualStage(stage_settings(self.machine), self.seed).attach(world)
             world.sleep_until_ns(round(_BOOT * 1e9))
             yield replace(self.settings, interface="lockstep", channel=world.name)
-        except BusOpenError as failed:
-            raise UnusableInput(str(failed)) from failed
-        except DriverError as failed:
-            raise RunFault(str(failed)) from failed
 
     @contextmanager
     def observer(self) -> Iterator[Network]:

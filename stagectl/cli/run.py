@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import console_for
+from stagectl.cli.console import console_for, show_result
 from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     FILE,
@@ -17,7 +17,6 @@ from stagectl.cli.options import (
     RECIPE,
     NumberRange,
     RunBy,
-    is_json_on_stdout,
     option,
     takes,
     write_json,
@@ -235,9 +234,7 @@ def _dry_run(request: RunRequest, json_out: Path | None) -> None:
     check(request)
     done = 0 if request.resumed is None else request.resumed.done
     outcome = dry_run(request.recipe, request.machine, done=done)
-    write_json(outcome.as_dict(), json_out)
-    if not is_json_on_stdout(json_out):
-        console_for(json_out).print(outcome.render())
+    show_result(outcome.as_dict(), json_out, outcome.render())
 
 
 def _run(request: RunRequest, json_out: Path | None) -> None:

@@ -48,8 +48,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
 
     stage = load_machine(machine)
     settings = stage_settings(stage)
-    interface, channel = bus or (stage.bus.interface, str(stage.bus.channel))
-    where = replace(driver_settings(stage)[0], interface=interface, channel=channel)
+    where, _ = driver_settings(stage, bus)
     with unusable(BusOpenError):
         opened = open_bus(where)
 
@@ -73,7 +72,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     virtual = VirtualStage(settings, seed)
     nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
     first, axis = next(iter(stage.axes.items()))
-    click.echo(f"{stage.name} on {interface}:{channel}: {nodes}; stop with Ctrl-C")
+    click.echo(f"{stage.name} on {where}: {nodes}; stop with Ctrl-C")
     click.echo(f"EDS: {eds_path(stage, first, axis)}")
     real_time.begin()
     for refused in real_time.refused:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import datetime
 
-import can
-
-from drivers import DriverError, NodeError, Stage
-from drivers.errors import BusOpenError
+from drivers import NodeError, Stage
 from drivers.objects import ObjectRef
-from drivers.settings import AxisSettings, BusSettings
 from stagectl.config.machine import Machine
 from stagectl.config.settings.package_settings import driver_settings
-from stagectl.errors import Aborted, RunFault, UnusableInput
+from stagectl.errors import Aborted, drivers_failures
 from stagectl.measurement.document import Identity, MeasuredAxis, Measurement, settings_of
 from stagectl.measurement.experiment import Experiment
 
@@ -85,39 +80,28 @@ def measure_on_bus(
         RunFault: bus, node or axis failed, or a limit was exceeded.
         Aborted: it was stopped, or not agreed to.
     """
-    settings, axes = driver_settings(machine)
-    if bus is not None:
-        settings = replace(settings, interface=bus[0], channel=bus[1])
-    with ready_stage(settings, axes) as stage:
+    with ready_stage(machine, bus) as stage:
         return measure_stage(stage, machine, measured, agreed, stop, progress)
 
 
 @contextmanager
-def ready_stage(
-    bus: BusSettings, axes: Sequence[AxisSettings], opened: can.BusABC | None = None
-) -> Iterator[Stage]:
+def ready_stage(machine: Machine, bus: tuple[str, str] | None) -> Iterator[Stage]:
     """A stage that is booted, homed and enabled, and disabled in the end.
 
     Args:
-        bus: its settings.
-        axes: their settings.
-        opened: that bus, which stays open; None: it is opened.
+        machine: as the host believes it.
+        bus: (interface, channel) in place of the machine's.
 
     Raises:
         UnusableInput: there is no such bus.
         RunFault: bus, node or axis failed.
     """
-    try:
-        with Stage.open(bus, axes, bus_object=opened) as stage:
-            stage.boot()
-            stage.home()
-            stage.enable()
-            yield stage
-            stage.disable()
-    except BusOpenError as error:
-        raise UnusableInput(str(error)) from error
-    except DriverError as error:
-        raise RunFault(str(error)) from error
+    with drivers_failures(), Stage.open(*driver_settings(machine, bus)) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        yield stage
+        stage.disable()
 
 
 def identify(stage: Stage) -> dict[str, Identity]:

@@ -56,19 +56,14 @@ def measure_simulated(machine: Machine, truth: Machine, seed: int) -> Measuremen
     Raises:
         RunFault, UnusableInput: as above.
     """
-    from hil_sim.bus import LockstepBus, World
+    from hil_sim.bus import World
     from hil_sim.stage import VirtualStage
-    from stagectl.config.settings.package_settings import driver_settings, stage_settings
+    from stagectl.config.settings.package_settings import stage_settings
 
     world = World(f"measurement-{id(machine)}")
     VirtualStage(stage_settings(truth), seed).attach(world)
-    bus = LockstepBus(channel=world.name)
-    settings, axes = driver_settings(machine)
-    try:
-        with ready_stage(settings, axes, bus) as stage:
-            return measure_stage(stage, machine)
-    finally:
-        bus.shutdown()
+    with ready_stage(machine, ("lockstep", world.name)) as stage:
+        return measure_stage(stage, machine)
 
 
 def _folder() -> Path:

@@ -83,7 +83,7 @@ def check(request: RunRequest, substitutes: Substitutes | None = None) -> Checke
         StagectlError: the history cannot be read, or another run is writing to the folder.
     """
     machine, recipe = request.machine, request.recipe
-    bus, axes = driver_settings(machine)
+    bus, axes = driver_settings(machine, request.bus)
     _check_drivers(bus, axes)
     truth = None if request.truth is None else stage_settings(request.truth)
     if substitutes is None:

@@ -19,7 +19,7 @@ from drivers.settings import BusSettings
 from hil_sim.bus import FaultyWorld, InjectedFault, World
 from hil_sim.settings import StageSettings
 from hil_sim.stage import VirtualStage
-from stagectl.errors import RunFault, UnusableInput
+from stagectl.errors import RunFault, UnusableInput, unusable
 from stagectl.history import existing_history, file_unfiled_runs, open_history
 from stagectl.maps import ActiveMap
 from stagectl.measurement import (
@@ -61,13 +61,10 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
     if substitutes is None:
         file_earlier_runs(request, listener.phase)
     found, compensation = prepare(request, listener.phase, substitutes)
-    bus = found.bus
-    if request.bus is not None:
-        bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
     simulated = (
-        virtual_stage(request, found.truth, bus, listener)
+        virtual_stage(request, found.truth, found.bus, listener)
         if substitutes is None
-        else nullcontext((bus, ()))
+        else nullcontext((found.bus, ()))
     )
     with simulated as (used, injected):
         listener.phase(f"opening {used}")
@@ -122,10 +119,8 @@ def _open_bus(
     """
     if substitutes is not None:
         return nullcontext(substitutes.bus)
-    try:
+    with unusable(BusOpenError):
         return open_bus(bus)
-    except BusOpenError as error:
-        raise UnusableInput(str(error)) from error
 
 
 def _prepare_files(request: RunRequest, listener: Listener) -> None:

@@ -85,9 +85,13 @@ def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
 
 
 def driver_settings(
-    machine: Machine,
+    machine: Machine, named: tuple[str, str] | None = None
 ) -> tuple[drivers.settings.BusSettings, tuple[drivers.settings.AxisSettings, ...]]:
     """The drivers' settings: bus, and per axis node, EDS, scaling, limits and homing.
+
+    Args:
+        machine: whose they are.
+        named: (interface, channel) in place of the machine's.
 
     Raises:
         ConfigError: an axis' EDS file does not exist.
@@ -95,6 +99,8 @@ def driver_settings(
     from drivers import settings
 
     given = dict(machine.bus)
+    if named is not None:
+        given["interface"], given["channel"] = named
     bus = settings.BusSettings(sync_source=given.pop("sync"), **given)
     axes = tuple(
         settings.AxisSettings(
