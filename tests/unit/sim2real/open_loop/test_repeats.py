@@ -37,8 +37,8 @@ def floor_of(folder, wander, motion=None, bump=0.0):
 @pytest.mark.parametrize("wander", [0.03, 0.1])
 def test_it_is_the_scatter_of_repeated_strokes_whatever_the_model_lacks(tmp_path, wander, bump):
     same = strokes(0.4, (0.3,), 3.0)
-    expected = wander * SPREAD * COULOMB
-    assert floor_of(tmp_path, wander, same, bump) == pytest.approx(expected, rel=0.5)
+    found = floor_of(tmp_path, wander, same, bump)  # a median of some 30 repetitions
+    assert 0.6 < found / (wander * SPREAD * COULOMB) < 1.7
 
 
 def test_where_none_repeat_one_percent_is_assumed(tmp_path):
