@@ -135,7 +135,8 @@ def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
         return np.array(_PATHS)
     if coordinate.along == "oscillators":
         top = 0.2 / found[0].period
-        return np.array([f for f in _FREQUENCIES if f < top])
+        below = [f for f in _FREQUENCIES if f < top]
+        return np.array(below) if below else None
     if coordinate.along == "other_motion":
         return None if found[0].other is None else np.arange(2.0)
     if coordinate.along not in found[0].quantities:
