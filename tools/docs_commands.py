@@ -6,7 +6,6 @@
 Without pages: README.md and docs/*.md. A comment on the line before a block says what is special:
 
     <!-- not run: REASON -->   it needs hardware, or data that are not here
-    <!-- minutes -->           this block and the later ones of its page are not part of `make test`
     <!-- exit CODE -->         its last command ends with another exit code than 0
     <!-- until Ctrl-C -->      its last command goes on; Ctrl-C once it has printed what is quoted
     <!-- file: NAME -->        no commands: a file of the reader's
@@ -15,7 +14,7 @@ Words and counts have to be as quoted. Figures may be a little off, as processor
 a recording then differs in its last digits, and all that is computed from it. `...` within a quoted
 line stands for what differs more from machine to machine, a line of it alone (one in a quote, and
 more after it) for any lines. A command without a quote may print what it likes.
-`make test` is not run: it runs this.
+`make test` is not run: it comes after this. `make run` installs nothing: CI has just done that.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ import argparse
 import difflib
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -39,8 +38,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-_KNOWN = r"|not run: .+|minutes|exit \d+|until Ctrl-C|file: \S+"
+_KNOWN = r"|not run: .+|exit \d+|until Ctrl-C|file: \S+"
 NOT_RUN = ("make test",)
+INSTALLED = ".installed"
 NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", ".*_cache", "__pycache__", "runs", "mutants")
 
 
@@ -59,7 +59,6 @@ class Block:
 
     lines: range
     mark: str
-    minutes: bool
 
     @property
     def file(self) -> str | None:
@@ -105,18 +104,17 @@ def blocks(text: str) -> list[Block]:
     Raises:
         WrongDocsError: the comment before a block is none of those above.
     """
-    found, mark, begin, minutes, wanted = list[Block](), "", 0, False, False
+    found, mark, begin, wanted = list[Block](), "", 0, False
     for number, line in enumerate(text.splitlines()):
         if begin:
             if line == "```":
                 if wanted and not mark.startswith("not run: "):
-                    found.append(Block(range(begin, number), mark, minutes))
+                    found.append(Block(range(begin, number), mark))
                 begin, mark = 0, ""
         elif line.startswith("```"):
             if not re.fullmatch(_KNOWN, mark):
                 raise WrongDocsError(f"line {number + 1}: unknown comment before it: {mark}")
             begin, wanted = number + 1, line == "```console" or mark.startswith("file: ")
-            minutes |= mark == "minutes"
         elif comment := re.fullmatch(r"<!-- (.*) -->", line):
             mark = comment[1]
         elif line:
@@ -137,16 +135,17 @@ def commands(text: str, block: Block) -> Iterator[Command]:
 def copy_of_the_clone() -> Iterator[Path]:
     """A folder in which a reader would follow a page."""
     with tempfile.TemporaryDirectory(prefix="docs-") as name:
-        yield Path(shutil.copytree(ROOT, Path(name, "clone"), ignore=NOT_COPIED, symlinks=True))
+        clone = shutil.copytree(ROOT, Path(name, "clone"), ignore=NOT_COPIED, symlinks=True)
+        (clone / INSTALLED).touch()
+        yield clone
 
 
-def follow(text: str, folder: Path, minutes: bool) -> Iterator[tuple[Command, list[str]]]:
+def follow(text: str, folder: Path) -> Iterator[tuple[Command, list[str]]]:
     """Run the commands of a page in its order.
 
     Args:
         text: of the page.
         folder: where.
-        minutes: also those that take long.
 
     Yields:
         Each command, and the lines that it printed.
@@ -155,8 +154,6 @@ def follow(text: str, folder: Path, minutes: bool) -> Iterator[tuple[Command, li
         WrongDocsError: a command ended with another exit code than the docs say.
     """
     for block in blocks(text):
-        if block.minutes and not minutes:
-            return
         if block.file is not None:
             lines = text.splitlines()[block.lines.start : block.lines.stop]
             (folder / block.file).write_text("".join(f"{line}\n" for line in lines))
@@ -173,8 +170,10 @@ def _run(command: Command, folder: Path, mark: str) -> list[str]:
     """What a command prints, without spaces at the ends of lines."""
     home = folder.parent / "home"
     home.mkdir(exist_ok=True)
+    here = Path(sys.executable).parent
     environment = {
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PATH": f"{here}{os.pathsep}{os.environ['PATH']}",
+        "MAKEFLAGS": f"-- BIN={here} INSTALLED={INSTALLED}",
         "HOME": str(home), "LANG": "C.UTF-8", "COLUMNS": "100", "NO_COLOR": "1",
         **{k: v for k, v in os.environ.items() if k.startswith(("CAN_CONFIG", "NUMBA_", "PIP_"))},
     }  # fmt: skip
@@ -247,15 +246,21 @@ def follow_whole(page: Path) -> str | None:
     Raises:
         WrongDocsError: as of `follow`.
     """
-    text, followed, at = page.read_text(encoding="utf-8"), [], time.monotonic()
+    text, followed, at = page.read_text(encoding="utf-8"), [], _cpu_time()
     if "```console" not in text:
         return None
     with copy_of_the_clone() as folder:
-        for command, printed in follow(text, folder, minutes=True):
-            took, at = time.monotonic() - at, time.monotonic()
+        for command, printed in follow(text, folder):
+            took, at = _cpu_time() - at, _cpu_time()
             sys.stderr.write(f"{page.name}: {took:4.0f} s  $ {command.text}\n")
             followed.append((command, printed))
     return with_quotes(text, followed)
+
+
+def _cpu_time() -> float:
+    """Of all processes that this one has started and that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> int:
@@ -267,8 +272,9 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", type=Path, default=PAGES)
     given = parser.parse_args()
     wrong = False
+    longest_first = sorted(given.pages, key=lambda page: -page.read_text("utf-8").count("\n$ "))
     with ProcessPoolExecutor() as readers:
-        pages = [(page, readers.submit(follow_whole, page)) for page in given.pages]
+        pages = [(page, readers.submit(follow_whole, page)) for page in longest_first]
     for page, outcome in pages:
         try:
             new = outcome.result()
