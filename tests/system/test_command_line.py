@@ -314,21 +314,6 @@ def test_gap_compare(stagectl, tmp_path):
     assert report["gap"]["x"]["force"]["explained"] < 0.14 < report["gap"]["x"]["force"]["nominal"]
 
 
-@pytest.mark.slow
-def test_gap_diagnose(stagectl, tmp_path):
-    recording = DATA / "null-2.h5"
-    twin, page = tmp_path / "twin.yaml", tmp_path / "gap.html"
-    done = stagectl("gap", "diagnose", recording, "--json", "-", "--twin", twin, "--html", page)
-    assert done.returncode == 0, done.stderr
-    assert "No gap" in page.read_text()
-    report = json.loads(done.stdout)
-    assert (report["format"], report["version"]) == ("stagectl-gap-report", 2)
-    assert report["verdict"] == "no_gap"
-    assert report["recordings"] == [str(recording)]
-    assert (report["channels"], report["causes"]) == ([], [])
-    assert load_machine(twin).axes["x"].plant == load_machine().axes["x"].plant
-
-
 @pytest.mark.parametrize(
     "command",
     [

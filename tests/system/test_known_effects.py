@@ -48,40 +48,6 @@ def mean_settling(summary, axis=None):
     return 1e3 * sum(times) / len(times)
 
 
-@pytest.mark.slow
-def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe, tmp_path):
-    truth = with_effects(
-        tmp_path / "truth.yaml",
-        x="{effect: cogging, amplitude: 1.2, pitch: 0.03, phase: 1}",
-        y="{effect: cable_hysteresis, force: 1.0, stiffness: 3000}",
-    )
-    before, after, twin = tmp_path / "before", tmp_path / "after", tmp_path / "twin.yaml"
-    # Without the observer, which would correct most of what the host does not know.
-    options = ("--simulate", truth, "--no-observer", "--out")
-    for command in (
-        ("run", recipe, *options, before),
-        ("gap", "diagnose", before / "recording.h5", "--twin", twin),
-        ("run", recipe, "--machine", twin, *options, after),
-    ):
-        done = stagectl(*command)
-        assert done.returncode == 0, done.stderr
-    assert "compensated effects: x cogging, y cable_hysteresis" in done.stdout
-    page = (after / "report.html").read_text(encoding="utf-8")
-    assert "x cogging, y cable_hysteresis" in page.partition("Compensated effects")[2]
-    summaries = [json.loads((out / "summary.json").read_text()) for out in (before, after)]
-    assert mean_settling(summaries[1]) < 0.6 * mean_settling(summaries[0])
-    done = stagectl(
-        "gap", "compare", before / "recording.h5", after / "recording.h5", "--json", "-"
-    )
-    report = json.loads(done.stdout)
-    assert report["gap_closed"] > 0.9
-    settled = [report["settling"][str(out / "recording.h5")]["micro"] for out in (before, after)]
-    assert settled[1]["settling_mean"]["5e-08"] < 0.6 * settled[0]["settling_mean"]["5e-08"]
-    table = stagectl("gap", "compare", before / "recording.h5", after / "recording.h5").stdout
-    assert "after/recording.h5" in table
-    assert "Settling" in table
-
-
 def force_of_no_name(path):
     """A stage whose hose pulls and whose cover drags as no effect of the library does."""
     x, v = np.linspace(-0.06, 0.06, 121), np.linspace(-0.6, 0.6, 61)

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from estimation.offline import Samples
+from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS
@@ -24,6 +25,13 @@ from tests.unit.stagectl.run.whole import request_for
 
 DATA = Path(__file__).parents[3] / "data"
 RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
+
+FIGURES = {
+    "coulomb": 0.02, "viscous": 0.02, "stiffness": 0.02, "relaxation_rate": 0.06,
+    "static_ratio": 0.06, "stribeck_velocity": 0.06, "stribeck_shape": 0.08,
+}  # fmt: skip
+"""How far an estimate may be off: the stage's own figures differ from the file's by 0.3 %, and the
+Coulomb force wanders by 1 %."""
 
 
 @pytest.fixture(scope="module")
@@ -67,12 +75,7 @@ def test_the_reference_stage_is_the_machine_file(answer):
     axis = answer[1]["axes"]["x"]
     figures = axis["figures"]
     assert axis["refused"] is None
-    # The stage's own figures differ from the file's by 0.3 %, and the Coulomb force wanders by 1 %.
-    limits = {
-        "coulomb": 0.02, "viscous": 0.02, "stiffness": 0.02, "relaxation_rate": 0.06,
-        "static_ratio": 0.06, "stribeck_velocity": 0.06, "stribeck_shape": 0.08,
-    }  # fmt: skip
-    for name, limit in limits.items():
+    for name, limit in FIGURES.items():
         assert figures[name]["verdict"] == "estimated"
         assert figures[name]["value"] == pytest.approx(figures[name]["prior"], rel=limit), name
     assert abs(figures["asymmetry"]["value"]) < 4 * figures["asymmetry"]["sigma"] < 0.08
@@ -103,6 +106,19 @@ def test_the_command_prints_what_it_writes(answer):
     for text in ("static_ratio", "force_offset [N]", "estimated", "held-out moves", "nu_i"):
         assert text in printed
     assert max(len(line) for line in printed.splitlines()) <= 80
+
+
+def test_it_says_of_every_figure_what_held_out_moves_say(answer):
+    """Each alone they may predict better what all together do not: none is recommended then."""
+    printed, report = answer
+    axis = report["axes"]["x"]
+    told = {name: axis["figures"][name]["held_out"] for name in FIGURES}
+    assert set(told.values()) <= {BETTER, NO_BETTER, WORSE}
+    assert axis["figures"]["mass"]["held_out"] == UNTESTED
+    better = {name for name, said in told.items() if said == BETTER}
+    assert better
+    apart = "all together do not" in " ".join(printed.split())
+    assert set(axis["recommended"]) == (set() if apart else better)
 
 
 def test_other_periods_and_axes_are_refused(recording):

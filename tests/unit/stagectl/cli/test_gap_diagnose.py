@@ -104,13 +104,18 @@ def test_a_recording_that_cannot_judge_is_left_out_with_its_reason(small, tmp_pa
 
 
 def test_the_recording_itself_is_fine_and_the_curves_of_its_page_are_in_the_json(small, tmp_path):
-    page = tmp_path / "gap.html"
-    report, _ = run(small, "--check", small, "--html", page)
-    assert report["verdict"] == "no_gap"
+    page, twin = tmp_path / "gap.html", tmp_path / "twin.yaml"
+    report, _ = run(small, "--check", small, "--html", page, "--twin", twin)
+    assert (report["format"], report["version"]) == ("stagectl-gap-report", 2)
+    assert report["recordings"] == [str(small)]
+    assert (report["verdict"], report["channels"], report["causes"]) == ("no_gap", [], [])
+    assert load_machine(twin).axes["x"].plant == load_machine().axes["x"].plant
     assert report["gap_closed_elsewhere"] is None
     assert set(report["residuals"]) == {"x", "y"}
     assert report["residuals"]["x"]["over_velocity"]
-    assert "over position and velocity" in page.read_text()
+    text = page.read_text()
+    assert "No gap" in text
+    assert "over position and velocity" in text
 
 
 def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):

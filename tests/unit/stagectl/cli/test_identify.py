@@ -1,20 +1,15 @@
 """`stagectl identify`: what it recommends for the machine file."""
 
-import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from estimation.offline import Figure, Identification
 from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
 from estimation.offline.uncertainty import ESTIMATED
-from stagectl.cli import cli
 from stagectl.cli.identify import _for_machine_file, _machine_values
 
-RECORDING = Path(__file__).parents[3] / "data" / "null-3.h5"
 NAMES = (
     "coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio", "stribeck_velocity",
     "stribeck_shape",
@@ -55,17 +50,3 @@ def test_nothing_recommended_says_so_and_why():
 def test_the_machine_files_c_follows_fc_and_the_rate(recommended, attraction):
     found = replace(answer({}, {}), recommended=recommended)
     assert _machine_values(found).get("attraction") == attraction
-
-
-@pytest.mark.slow
-def test_json_says_of_every_figure_what_held_out_moves_say():
-    arguments = ["identify", str(RECORDING), "--axis", "x", "--json", "-"]
-    told = json.loads(CliRunner().invoke(cli, arguments, catch_exceptions=False).stdout)
-    axis = told["axes"]["x"]
-    assert {axis["figures"][name]["held_out"] for name in NAMES} <= {BETTER, NO_BETTER, WORSE}
-    assert axis["figures"]["mass"]["held_out"] == UNTESTED
-    better = {name for name in NAMES if axis["figures"][name]["held_out"] == BETTER}
-    assert set(axis["recommended"]) - {"attraction"} == better - {"relaxation_rate"}
-    for name, value in axis["recommended"].items():
-        if name != "attraction":
-            assert value == pytest.approx(axis["figures"][name]["value"], rel=0.05)
