@@ -43,8 +43,6 @@ PRIORITY = 50
 GUEST_PERIOD = 10e-3
 GUEST_MAX_MISSED = 20
 """A guest waits for its one processor as a whole, its drives and its host together."""
-VALID_SHARE = 0.9
-"""Of the samples in real time; all of them in virtual time."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 import os
 import signal
 import subprocess
-from collections.abc import Callable
 from datetime import UTC, datetime
 from multiprocessing import get_context
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.measurement import measure_virtual_stage
 from stagectl.recipe import load_recipe
-from stagectl.run import HostSettings, Listener, RunRequest, RunResult, SimulatedStage, execute
+from stagectl.run import HostSettings, Listener, RunRequest, SimulatedStage, execute
 from stagectl.sequencer import Mode, SegmentDone
 from tests.command import stagectl
 from tests.postgres import serve
@@ -21,9 +20,6 @@ from tests.processes import start
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
-
-Run = Callable[..., RunResult]
-Stagectl = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
 @pytest.fixture(scope="session")

@@ -48,22 +48,6 @@ def test_a_run_learns_the_figures_of_its_law(stagectl, simple, recipe, tmp_path)
     assert ">stiffness<" not in page
 
 
-def test_on_a_stage_with_presliding_the_simple_law_is_far_off(stagectl, simple, recipe, tmp_path):
-    """What Maxwell slip buys: micro-moves, of which presliding is the most."""
-    packaged = tmp_path / "wafer-xy.yaml"
-    packaged.write_text(load_machine().text)
-    peaks = []
-    for host in (packaged, simple):
-        out = tmp_path / host.stem
-        done = stagectl("run", recipe, "--machine", host, "--simulate", packaged, "--out", out)
-        assert done.returncode == 0, done.stderr
-        moves = json.loads((out / "summary.json").read_text())["moves"]
-        peaks.append([m["peak_error"] for m in moves if m["kind"] == "micro" and m["site"] > 3])
-    gms, coulomb = peaks
-    assert max(gms) < 0.3e-6
-    assert min(coulomb) > 1e-6
-
-
 def test_what_needs_presliding_says_so_in_one_line(stagectl, simple, recipe, tmp_path):
     out = tmp_path / "run"
     done = stagectl("run", recipe, "--machine", simple, "--simulate", simple, "--out", out)

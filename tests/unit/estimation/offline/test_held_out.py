@@ -41,19 +41,22 @@ def test_nothing_is_recommended_where_all_together_predict_worse_than_the_priors
     assert rubbed.recommended == {}
 
 
-def test_what_differs_from_the_prior_is_recommended_with_its_value(moves):
-    wrong = replace(BELIEVED, coulomb=4.5, viscous=30.0)
-    found = identify([moves], wrong, SETTINGS)
+@pytest.fixture(scope="module")
+def corrected(moves):
+    """From a prior that is wrong in two figures."""
+    return identify([moves], replace(BELIEVED, coulomb=4.5, viscous=30.0), SETTINGS)
+
+
+def test_what_differs_from_the_prior_is_recommended_with_its_value(corrected):
     for name, truth in (("coulomb", 6.0), ("viscous", 20.0)):
-        assert found[name].held_out == BETTER
-        assert found.recommended[name] == pytest.approx(truth, rel=0.05)
-    for name, value in found.recommended.items():
-        assert found[name].held_out == BETTER, (name, value)
+        assert corrected[name].held_out == BETTER
+        assert corrected.recommended[name] == pytest.approx(truth, rel=0.05)
+    for name in corrected.recommended:
+        assert corrected[name].held_out == BETTER, name
 
 
-def test_only_what_the_moves_tell_of_the_friction_is_tested(moves):
-    found = identify([moves], BELIEVED, SETTINGS)
-    for figure in found.figures:
+def test_only_what_the_moves_tell_of_the_friction_is_tested(corrected):
+    for figure in corrected.figures:
         friction = figure.name in {
             "coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio",
             "stribeck_velocity", "stribeck_shape",

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -53,41 +54,59 @@ print("compiled", *(k.__name__ for k in (total, half) if k.stats.cache_misses))
 """
 
 
-@pytest.fixture
-def folder(tmp_path):
+def start(folder, **environment):
+    """Start the program that the folder holds; its kernels are kept there."""
+    return subprocess.Popen(
+        [sys.executable, "program.py"], cwd=folder, text=True, stdout=subprocess.PIPE,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")} | environment,
+    )  # fmt: skip
+
+
+def finish(program, result="6.0 1.5"):
+    """Which kernels it says it compiled; the numbers are as on every run."""
+    lines = (program.communicate()[0] or "").splitlines()
+    assert program.returncode == 0
+    assert lines[:2] == [result, "no values"]
+    return lines[2]
+
+
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory):
+    """A folder with the program, which has not run in it."""
+    folder = tmp_path_factory.mktemp("empty")
     for name, text in (("called", CALLED), ("calling", CALLING), ("program", PROGRAM)):
-        (tmp_path / f"{name}.py").write_text(text)
-    return tmp_path
+        (folder / f"{name}.py").write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def compiled(empty, tmp_path_factory):
+    """A folder in which it has run twice, at the same time."""
+    folder = shutil.copytree(empty, tmp_path_factory.mktemp("compiled") / "once")
+    lines = [finish(program) for program in [start(folder), start(folder)]]
+    return folder, sorted(word for line in lines for word in line.split()[1:])
 
 
 @pytest.fixture
-def start(folder):
-    def started(**environment):
-        return subprocess.Popen(
-            [sys.executable, "program.py"], cwd=folder, text=True, stdout=subprocess.PIPE,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")} | environment,
-        )  # fmt: skip
-
-    return started
+def folder(compiled, tmp_path):
+    return shutil.copytree(compiled[0], tmp_path / "copy")
 
 
 @pytest.fixture
-def run(start):
-    """Run the program; returns what it prints, the numbers as on every run."""
+def run(folder):
+    """Run the program there."""
 
     def ran(result="6.0 1.5", **environment):
-        program = start(**environment)
-        lines = (program.communicate()[0] or "").splitlines()
-        assert program.returncode == 0
-        assert lines[:2] == [result, "no values"]
-        return lines[2]
+        return finish(start(folder, **environment), result)
 
     return ran
 
 
+def test_several_processes_compile_once(compiled):
+    assert compiled[1] == ["half", "total"]
+
+
 def test_only_what_has_changed_is_compiled(run, folder):
-    assert run() == "compiled total half"
-    assert run() == "compiled"
     (folder / "called.py").write_text("# A remark.\n" + CALLED)
     os.utime(folder / "calling.py", (4e9, 4e9))
     assert run() == "compiled"
@@ -97,14 +116,7 @@ def test_only_what_has_changed_is_compiled(run, folder):
     assert run() == "compiled"
 
 
-def test_several_processes_compile_once(start):
-    programs = [start() for _ in range(2)]
-    lines = [(program.communicate()[0] or "").splitlines()[2] for program in programs]
-    assert sorted(word for line in lines for word in line.split()[1:]) == ["half", "total"]
-
-
 def test_a_file_that_was_cut_short_is_compiled_again(run, folder):
-    run()
     (path,) = (folder / "cache").rglob("calling.half-*.kernel")
     path.write_bytes(path.read_bytes()[:-1])
     assert run() == "compiled half"
@@ -112,21 +124,25 @@ def test_a_file_that_was_cut_short_is_compiled_again(run, folder):
 
 
 def test_another_processor_has_its_own_kernels(run):
-    run()
     assert run(NUMBA_CPU_NAME="generic") == "compiled total half"
     assert run(NUMBA_CPU_NAME="generic") == "compiled"
     assert run() == "compiled"
 
 
-def test_a_folder_that_cannot_be_written_costs_only_time(run, folder):
+def test_a_folder_that_cannot_be_written_costs_only_time(empty, tmp_path):
+    folder = shutil.copytree(empty, tmp_path / "copy")
     (folder / "cache").write_text("a file")
-    assert run() == "compiled total half"
+    assert finish(start(folder)) == "compiled total half"
 
 
 def test_few_versions_are_kept(run, folder):
-    for gain in range(2, 7):
-        (folder / "called.py").write_text(CALLED.replace("2.0", f"{gain}.0"))
-        run(f"{3.0 * gain} 1.5")
+    (kept,) = (folder / "cache").rglob("calling.total-*.kernel")
+    name = kept.name.rpartition("-")[0]
+    for number in range(4):
+        shutil.copy(kept, kept.with_name(f"{name}-{number:032}.kernel"))
+    (folder / "called.py").write_text(CALLED.replace("2.0", "4.0"))
+    assert run("12.0 1.5") == "compiled total"
     files = [path.name for path in (folder / "cache").rglob("*.kernel")]
     assert len([name for name in files if re.match("calling.total-", name)]) == 4
     assert len([name for name in files if re.match("calling.half-", name)]) == 1
+    assert run("12.0 1.5") == "compiled", "the last one is among them"
