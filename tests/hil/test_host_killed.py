@@ -13,7 +13,7 @@ import can
 import pytest
 
 from stagectl.store import read_recording, recover_left_over
-from tests.processes import buses, drives_on, slow_machine, start
+from tests.processes import drives_on, slow_machine, start
 
 HOST_HEARTBEAT, LOST = 0x77F, 0x8130
 CONFIGURED = 0.5
@@ -74,9 +74,8 @@ def until(condition, onlooker, seconds, what):
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("bus", buses("239.74.163.78"))
-def test_the_host_is_killed_in_the_middle_of_a_move(bus, tmp_path, monkeypatch):
-    """On UDP multicast and on socketcan."""
+def test_the_host_is_killed_in_the_middle_of_a_move(tmp_path, monkeypatch):
+    bus = "udp_multicast:239.74.163.78"
     machine = slow_machine(tmp_path, bus, monkeypatch)
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     interface, channel = bus.split(":")
