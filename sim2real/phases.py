@@ -9,6 +9,7 @@ out.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -39,6 +40,9 @@ _REPEAT = 1e-6
 """Largest difference in start and demand between a move and its repetition [m]."""
 _REPEAT_FORCE = 0.5
 """Largest difference in force offset between a move and its repetition [N]."""
+
+_OTHER = 0.1
+"""Difference from which moves are of another kind, as a share of the travel or the top speed."""
 
 Int8 = NDArray[np.int8]
 
@@ -195,6 +199,35 @@ def group_repeated_moves(
         else:
             groups.append([block.number])
     return tuple(tuple(group) for group in groups if len(group) > 1)
+
+
+def count_kinds_of_moves(recording: Recording, found: Sequence[MoveBlock]) -> int:
+    """How many kinds of pairs of moves there are: pairs differ in place, or in speed.
+
+    Args:
+        recording: that the blocks belong to.
+        found: its blocks.
+    """
+    demands = [axis.position_demand for axis in recording.axes.values()]
+    speeds = [np.abs(np.diff(demand)) for demand in demands]
+    extents = [max(float(np.ptp(demand)), 1e-12) for demand in demands]
+    fastest = [max(float(speed.max()), 1e-12) for speed in speeds]
+    kinds: list[FloatArray] = []
+    for number in range(0, len(found) - 1, 2):
+        inside = slice(found[number].start, found[number + 1].stop)
+        figures = [
+            value
+            for demand, speed, extent, top in zip(demands, speeds, extents, fastest, strict=True)
+            for value in (
+                float(demand[inside].min()) / extent,
+                float(demand[inside].max()) / extent,
+                float(speed[inside].max()) / top,
+            )
+        ]
+        kind = np.array(figures)
+        if all(np.abs(kind - other).max() > _OTHER for other in kinds):
+            kinds.append(kind)
+    return len(kinds)
 
 
 def _alike(demand: FloatArray, one: MoveBlock, other: MoveBlock, within: float) -> bool:

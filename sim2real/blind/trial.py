@@ -18,6 +18,7 @@ from sim2real.blind.seal import Sealed, seal_key
 from sim2real.blind.stage import SUBSTEPS, record_stage, with_elements
 from sim2real.diagnosis import Progress, diagnose, examine
 from sim2real.findings import GapReport
+from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import (
     combined_gap,
     compare_with_model,
@@ -163,9 +164,9 @@ def run_trial(
     promised_by_twin = None if report is None else report.gap_closed_by_twin
     second = second_by_twin = None
     if found is not None and promised is not None:
-        second = _closed(trial.second, setup.settings, found.named(setup.settings))
+        second = _closed(trial.second, setup.settings, found.named())
     if found is not None and promised_by_twin is not None:
-        second_by_twin = _closed(trial.second, setup.settings, found.twin(setup.settings))
+        second_by_twin = _closed(trial.second, setup.settings, found.twin())
     gap = measure_gap(trial.first, setup.settings, 3)
     return Outcome(
         setup.seed,
@@ -192,10 +193,13 @@ def run_trial(
     )
 
 
-def _closed(recording: Recording, settings: StageSettings, model: StageSettings) -> float | None:
-    """Share of a recording's gap that a model closes; None where there is hardly a gap."""
+def _closed(
+    recording: Recording, settings: StageSettings, models: Mapping[str, AxisModel]
+) -> float | None:
+    """Share of a recording's gap that models close; None where there is hardly a gap."""
     before = measure_gap(recording, settings)
-    return gap_closed(before, compare_with_model(recording, model, 1).gap)
+    after = compare_with_model(recording, compose_stage(settings, models), 1).gap
+    return gap_closed(before, after)
 
 
 def reported_causes(report: GapReport) -> tuple[ReportedCause, ...]:

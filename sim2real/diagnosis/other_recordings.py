@@ -54,11 +54,13 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
     What does not close enough of the gap there explains it partly.
 
     Args:
-        diagnosis: with causes; without any its report is returned as it is.
+        diagnosis: judged by its causes; without any, by the twin that describes the gap. Without
+            either its report is returned as it is.
         others: recordings of the same stage that it knows nothing of, with their gaps.
     """
     report = diagnosis.report
-    if not report.causes or not others.measured:
+    models = diagnosis.named() or diagnosis.twin()
+    if not models or not others.measured:
         return report
     names = [axis.name for axis in others.settings.axes]
 
@@ -69,7 +71,6 @@ def judge_elsewhere(diagnosis: Diagnosis, others: Examination) -> GapReport:
         return loop.gap(loop.residual(models.get(axis, loop.start)))
 
     before = {name: opened({}, name) for name in names}
-    models = diagnosis.models
     after = {name: opened(models, name) for name in names}
     steps = []
     fitted = {axis: iter(of_axis) for axis, of_axis in diagnosis.steps.items()}

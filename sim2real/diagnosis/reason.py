@@ -59,7 +59,10 @@ def give_reason(
         return f"{mode}{gap}: within the machine file's tolerance and repeatability"
     if causes:
         verb = "closes" if len(causes) == 1 else "close"
-        closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
+        # Where structure is left, not all of it is closed.
+        most = 1.0 if whole else 0.99
+        closed = f" {verb} {100 * min(share or 0.0, most):.0f} % of it on held-out moves"
+        closed = "" if share is None else closed
         rest = "" if whole else "; the residual still has structure"
         return f"{mode}{gap}; {name_causes(causes)}{closed}{rest}"
     curves = [each for result in results.values() for each in result.unlisted]

@@ -17,7 +17,13 @@ from sim2real.attribution import (
 from sim2real.diagnosis.along_motion import fitted_figures
 from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report_without_causes
 from sim2real.diagnosis.plant_figures import settle_figures
-from sim2real.diagnosis.promises import only_causes, promise, share_promised, with_force
+from sim2real.diagnosis.promises import (
+    are_alike,
+    only_causes,
+    promise,
+    share_promised,
+    with_force,
+)
 from sim2real.diagnosis.reason import describe_far_off, give_reason
 from sim2real.experiment import propose_experiment
 from sim2real.findings import (
@@ -38,7 +44,6 @@ from sim2real.findings import (
 from sim2real.fitting import (
     BASE,
     AxisModel,
-    compose_stage,
     coordinate,
     plant_figure,
     with_base,
@@ -50,6 +55,7 @@ from sim2real.scoring.constants import ENOUGH, NEAR
 _SMALLER = 2.0
 """Largest squared gap over floor per signal that counts as no gap where no cause was found and an
 axis is not complete; with all axes complete it is `NEAR`."""
+_ALIKE = "; all moves are alike, so that less is known of others"
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
 experiment must be able to tell it from another value."""
@@ -78,20 +84,16 @@ class Diagnosis:
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     steps: Mapping[str, Sequence[AxisModel]] = field(default_factory=dict)
 
-    def named(self, settings: StageSettings) -> StageSettings:
-        """The stage of the machine file with the causes, and with plant figures changed."""
-        return compose_stage(settings, self._named())
+    def named(self) -> dict[str, AxisModel]:
+        """Axis -> its model with the causes alone; empty without causes."""
+        return only_causes(self.models, self.report.causes) if self.report.causes else {}
 
-    def twin(self, settings: StageSettings) -> StageSettings:
-        """The same with what no effect explains, as described."""
-        models = self._named()
+    def twin(self) -> dict[str, AxisModel]:
+        """Axis -> its model as a twin has it: causes, and what no effect explains as described."""
+        models = self.named()
         for force in self.report.empirical:
             models = with_force(models, force)
-        return compose_stage(settings, models)
-
-    def _named(self) -> dict[str, AxisModel]:
-        causes = self.report.causes
-        return only_causes(self.models, causes) if causes else {}
+        return models
 
 
 def conclude(
@@ -117,7 +119,8 @@ def conclude(
     unlisted = _unlisted(results)
     predict = partial(promise, examined, held_out, models, causes, unlisted)
     promised = predict(describe=False)
-    share, interval = share_promised(held_out, promised.named)
+    alike = are_alike(examined)
+    share, interval = share_promised(held_out, promised.named, alike=alike)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
         promised = predict(describe=True)
@@ -125,7 +128,8 @@ def conclude(
     report = replace(
         plain,
         verdict=verdict,
-        reason=give_reason(verdict, causes, results, share, examined, whole=whole),
+        reason=give_reason(verdict, causes, results, share, examined, whole=whole)
+        + (_ALIKE if alike and causes else ""),
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
         unlisted=unlisted,
@@ -133,7 +137,7 @@ def conclude(
         steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
     if causes or promised.forces:
-        by_twin, its_interval = share_promised(held_out, promised.twin)
+        by_twin, its_interval = share_promised(held_out, promised.twin, alike=alike)
         report = replace(
             report,
             empirical=promised.forces,

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from sim2real import phases
-from sim2real.phases import PHASES, group_repeated_moves, split_moves, split_phases
+from sim2real.phases import (
+    PHASES,
+    count_kinds_of_moves,
+    group_repeated_moves,
+    split_moves,
+    split_phases,
+)
 from stagectl.store import read_recording
 from stagedata import AxisSignals, Recording
 from tests.unit.sim2real.conftest import DATA
@@ -106,3 +112,15 @@ def test_repeats_are_found_and_nothing_else():
     assert group_repeated_moves(made, split_moves(made, PERIOD)) == ((0, 4), (1, 5))
     recorded = read_recording(DATA / "null-1.h5")
     assert group_repeated_moves(recorded, split_moves(recorded, PERIOD)) == ()
+
+
+@pytest.mark.parametrize(("second", "kinds"), [(15e-3, 1), (14.5e-3, 1), (9e-3, 2)])
+def test_moves_are_of_another_kind_by_place_or_speed(second, kinds):
+    laps = [np.concatenate((ramp(length), ramp(length)[::-1])) for length in (15e-3, second, 15e-3)]
+    made = recording(np.concatenate(laps))
+    assert count_kinds_of_moves(made, split_moves(made, PERIOD)) == kinds
+
+
+def test_moves_of_a_recipe_are_of_many_kinds():
+    recorded = read_recording(DATA / "null-1.h5")
+    assert count_kinds_of_moves(recorded, split_moves(recorded, PERIOD)) > 3

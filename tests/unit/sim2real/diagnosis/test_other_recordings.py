@@ -29,7 +29,8 @@ def others(nominal):
 
 def found(others, *steps):
     """A diagnosis of x whose steps have these models; the last one is what it found."""
-    causes = (Cause("x", "cogging", 0.9, {}, 0.9, None),) if steps else ()
+    names = steps[-1].names() if steps else ()
+    causes = tuple(Cause("x", name, 0.9, {}, 0.9, None) for name in names)
     listed = tuple(SelectionStep("x", s.names()[-1:], s.names(), 0.9, 0.01) for s in steps)
     report = replace(report_without_causes(others), causes=causes, steps=listed)
     models = {"x": steps[-1]} if steps else {}
