@@ -65,7 +65,7 @@ def find_causes(
             Cause(
                 axis.name,
                 term.name,
-                min(probability, _largest_probability(result, term, figures)),
+                min(probability, _largest_probability(result, term, figures, interval)),
                 figures,
                 gives_back,
                 interval,
@@ -87,12 +87,20 @@ def _later(result: AxisResult, term: Term) -> str:
     return "; a recording minutes later tells them apart" if later else ""
 
 
-def _largest_probability(result: AxisResult, term: Term, figures: Mapping[str, Parameter]) -> float:
+def _largest_probability(
+    result: AxisResult,
+    term: Term,
+    figures: Mapping[str, Parameter],
+    given_back: tuple[float, float],
+) -> float:
     """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
 
     Doubt arises from a size that may be zero by its sigma, and from implausible values (unless the
-    effect alone explains the axis completely). What the fit needs is doubted for both only.
+    effect alone explains the axis completely). What the fit needs is doubted for both only. What
+    gives back nothing of the gap when it is removed, by the interval over moves, is always doubted.
     """
+    if given_back[0] <= 0.0:
+        return DOUBTED
     axis = result.axis
     alone = result.is_complete and len(result.best.model.terms) == 1
     entries = coordinates(term.effect, axis)

@@ -65,6 +65,7 @@ def test_a_robot_joint_that_never_rests(tmp_path):
     assert figures(report)["mass"].value == pytest.approx(1.2, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_belt_with_a_worn_place(tmp_path):
     rivals = ("friction_position", "thermal_drift", "coulomb_level", "cable_stiffness", "cogging")
     report = report_of(BELT, tmp_path, *rivals)
@@ -153,6 +154,7 @@ def test_positions_alone_say_what_is_missing(tmp_path):
     assert (report.verdict, report.mode) == ("insufficient", "open_loop")
 
 
+@pytest.mark.slow
 def test_another_controller_is_no_gap_of_the_plant_but_not_no_gap(stage, recorded):
     loops = CascadeSettings(position_gain=20.0, velocity_gain=100.0)
     control = {a.name: replace(a.control, cascade=loops) for a in stage.axes}
