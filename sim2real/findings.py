@@ -195,6 +195,8 @@ class Unlisted:
         curve: the force. Over position_direction it is that of forward motion; over reversal_path
             the force after a full reversal; over frequency amplitudes of oscillators driven by the
             acceleration.
+        times: "force" where the curve is multiplied by the motor force over its rms, "friction"
+            where it changes sign with the direction; "" for neither, or where `over` says it.
     """
 
     axis: str
@@ -204,6 +206,7 @@ class Unlisted:
     gap_closed: Number
     gap_closed_interval: tuple[Number, Number]
     curve: ForceCurve
+    times: Annotated[str, GIVEN] = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,8 +75,9 @@ COORDINATES = (
 )
 NARROW = tuple(
     Coordinate(over, "position", times, step)
-    for over, times in (("position", ""), ("position_direction", "friction"))
     for step in _NARROW
+    for over, times in (("position", ""), ("position_direction", "friction"), ("position", "force"))
+    if times != "force" or step == _NARROW[0]
 )
 
 

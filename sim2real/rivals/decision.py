@@ -90,8 +90,11 @@ class Rivals:
             return ()
         probability = min(SURE_COORDINATE, max(share, 0.0)) / sum(odds)
         force = ForceCurve(*(tuple(part.tolist()) for part in (best.at, best.force, best.sigma)))
-        over = best.coordinate.over
-        return (Unlisted(axis, over, tuple(alike), probability, share, interval, force),)
+        over, times = best.coordinate.over, best.coordinate.times
+        if over == "position_direction":
+            times = ""
+        found = Unlisted(axis, over, tuple(alike), probability, share, interval, force, times)
+        return (found,)
 
     def _margin(self, error: float) -> float:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""

@@ -73,7 +73,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
-    if any(u.over not in _CURVES for u in unlisted):
+    if any(u.over not in _CURVES or u.times for u in unlisted):
         return ()
     screen = Screen(loop)
     opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy

@@ -23,6 +23,11 @@ OVER_WORDS = {
     "frequency": "of a dynamic system",
     "other_axis": "over the motion of the other axis",
 }
+_TIMES = {
+    "": "",
+    "force": " that grows with the motor force",
+    "friction": " that changes sign with the direction",
+}
 _VERDICTS = {
     "no_gap": Fact("No gap", "good"),
     "explained": Fact("Explained", "good"),
@@ -245,7 +250,8 @@ def _over_coordinate(found: Unlisted) -> Fact:
     """A coordinate that a force depends on, and those that could take its place."""
     low, high = found.gap_closed_interval
     text = (
-        f"{found.axis}: a force {OVER_WORDS[found.over]} that no effect of the library has; closes "
+        f"{found.axis}: a force {OVER_WORDS[found.over]}{_TIMES[found.times]} that no effect of "
+        "the library has; closes "
         f"{percent(found.gap_closed)} ({100 * low:.0f} to {100 * high:.0f} %), "
         f"p = {found.probability:.2f}"
     )

@@ -51,11 +51,20 @@ def test_it_goes_on_straight_beyond_the_speeds_recorded(tmp_path):
     assert found.velocity[-1] > 1.05 * found.velocity[-2]
 
 
-@pytest.mark.parametrize("over", ["time", "frequency", "acceleration", "other_axis"])
-def test_what_no_twin_can_have_is_not_described(tmp_path, over):
+@pytest.mark.parametrize(
+    ("over", "times"),
+    [
+        ("time", ""),
+        ("frequency", ""),
+        ("acceleration", ""),
+        ("other_axis", ""),
+        ("position", "force"),
+    ],
+)
+def test_what_no_twin_can_have_is_not_described(tmp_path, over, times):
     recording, stage = imported(replace(TOOL, force=odd, known=KNOWN), tmp_path)
     curve = ForceCurve((0.0, 1.0), (0.0, 1.0), (0.1, 0.1))
-    unlisted = Unlisted("a", over, (), 0.9, 0.9, (0.8, 1.0), curve)
+    unlisted = Unlisted("a", over, (), 0.9, 0.9, (0.8, 1.0), curve, times)
     assert description(measure_motion(recording, stage), stage, "a", [unlisted]) is None
 
 
