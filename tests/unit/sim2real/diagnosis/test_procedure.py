@@ -10,6 +10,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
+from sim2real.fitting import compose_stage
 from sim2real.gap import compare_with_model, gap_closed
 from tests.signals import as_in_a_terminal
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -85,7 +86,7 @@ def test_what_is_promised_holds_for_what_is_named(nominal):
     recording = stage_with(nominal, 32, y=there)
     found = diagnosed(recording, nominal[1], *there, "force_offset", "viscous_damping")
     assert {c.effect for c in found.report.causes} == set(there)
-    twin = found.twin(nominal[1])
+    twin = compose_stage(nominal[1], found.twin())
     other = stage_with(nominal, 33, y=there)
     before, after = (compare_with_model(other, s, 1).gap for s in (nominal[1], twin))
     assert found.report.gap_closed is not None

@@ -41,6 +41,17 @@ def test_it_is_the_scatter_of_repeated_strokes_whatever_the_model_lacks(tmp_path
     assert 0.6 < found / (wander * SPREAD * COULOMB) < 1.7
 
 
+def test_a_drift_from_stroke_to_stroke_is_no_scatter(tmp_path):
+    def rising(t, x, v, a):
+        return 300.0 * a + sliding(v, COULOMB * (1.0 + t / 60.0), 400.0)
+
+    machine = replace(TOOL, force=rising, known=("300", "250", "400"), duration=60.0)
+    machine = replace(machine, noise=(1e-8, 0.5), motion=strokes(0.4, (0.3,), 3.0))
+    recording, stage = imported(machine, tmp_path)
+    floor = compare_along(measure_motion(recording, stage), stage).floor.rms["a"]["force"]
+    assert floor < 0.01 * COULOMB
+
+
 def test_where_none_repeat_one_percent_is_assumed(tmp_path):
     def never_again(t):
         return 0.2 + 0.15 * np.sin(2.0 * t) * (0.3 + t / 100.0)
