@@ -7,6 +7,7 @@ forces a model lacks: these are the same in both.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,6 +23,21 @@ _FEWEST = 4
 """Repetitions that are needed."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kind:
+    """Strokes that repeat each other.
+
+    Attributes:
+        figures: start and end over the travel, logarithm of the usual speed, float64[3].
+        places: along them, float64[`_PLACES`] [m].
+        forces: at these places, float64[`_PLACES`] each [N].
+    """
+
+    figures: F64
+    places: F64
+    forces: list[F64] = field(default_factory=list)
+
+
 def scatter_of_repeats(motion: Motion, name: str, left: F64) -> float | None:
     """Scatter of an axis' force between strokes that repeat each other [N rms].
 
@@ -35,26 +51,22 @@ def scatter_of_repeats(motion: Motion, name: str, left: F64) -> float | None:
     """
     own = motion.axes[name]
     extent = max(float(np.ptp(own.position)), 1e-12)
-    kinds: list[tuple[F64, list[F64]]] = []
+    kinds: list[_Kind] = []
     for stroke in motion.recording.moves:
         inside = np.flatnonzero(own.usable[stroke.start : stroke.end]) + stroke.start
-        if len(inside) < _PLACES:
+        speed = float(np.median(np.abs(own.velocity[inside]))) if len(inside) else 0.0
+        if len(inside) < _PLACES or speed <= 0.0:
             continue
-        first, last = inside[0], inside[-1]
-        speed = float(np.median(np.abs(own.velocity[inside])))
-        if speed <= 0.0:
-            continue
-        share = (inside - first) / (last - first)
-        along = np.interp(np.linspace(0.0, 1.0, _PLACES), share, left[inside])
-        kind = np.append(own.position[[first, last]] / extent, math.log(speed))
-        for other, repeats in kinds:
-            if np.abs(kind - other).max() < _ALIKE:
-                repeats.append(along)
-                break
-        else:
-            kinds.append((kind, [along]))
+        position = own.position[inside]
+        figures = np.append(position[[0, -1]] / extent, math.log(speed))
+        kind = next((k for k in kinds if np.abs(figures - k.figures).max() < _ALIKE), None)
+        if kind is None:
+            places = np.linspace(float(position[0]), float(position[-1]), _PLACES)
+            kinds.append(kind := _Kind(figures, places))
+        way = math.copysign(1.0, position[-1] - position[0])
+        kind.forces.append(np.interp(way * kind.places, way * position, left[inside]))
     # Second differences: a drift from stroke to stroke is no scatter.
-    changes = [np.diff(each, 2, axis=0) for _, each in kinds if len(each) > 2]
+    changes = [np.diff(kind.forces, 2, axis=0) for kind in kinds if len(kind.forces) > 2]
     if sum(len(each) for each in changes) < _FEWEST:
         return None
     # The median: where the acceleration changes, forces depend on the instants of sampling.
