@@ -157,6 +157,7 @@ class AxisSettings:
         encoder: length of one encoder increment [m]; 0: it is the position unit.
         velocity_unit: of velocities on the bus [m/s]; 0: not known, the drive has to say it.
         acceleration_unit: of accelerations on the bus [m/s^2]; 0: as for velocities.
+        lead: travel per revolution of a rotary drive on a linear axis [m]; 0: there is none.
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: window [m]; the drive faults outside it for following_error_time [s].
@@ -185,6 +186,7 @@ class AxisSettings:
     encoder: NotNegative = 0.0
     velocity_unit: NotNegative = 0.0
     acceleration_unit: NotNegative = 0.0
+    lead: NotNegative = 0.0
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
     following_error_time: Milliseconds = 0.01

@@ -7,8 +7,8 @@ force values are in thousandths of it (CiA 402).
 
 0x60A8 to 0x60AA are notations of CiA 303-2 in the layout of CiA 402-2: bits 31..24 hold a power of
 ten, 23..16 what is counted, 15..8 by what it is divided, 7..0 nothing. Notations from 0xA0 on are
-drive makers', and named only where makers agree. The length of a revolution or of an increment is
-not known from them, and no unit is made one of another.
+drive makers', and named only where makers agree. What a revolution moves is the settings' `lead`.
+Which increments a rate counts differs from drive to drive: the settings have to state it as well.
 
 All that a drive says has to agree with the settings; a unit that is not understood is refused.
 Where it says nothing of velocities or accelerations the settings have to, a default is no
@@ -53,19 +53,19 @@ class StatedUnit:
 
 
 _COUNTED = {
-    0x00: ("numbers without dimension", "", 0.0),
-    0x01: ("metres", "m", 1.0),
-    0x10: ("radians", "rad", 1.0),
-    0x40: ("gon", "rad", math.pi / 200),
-    0x41: ("degrees", "rad", math.pi / 180),
-    0x42: ("minutes of arc", "rad", math.pi / 10_800),
-    0x43: ("seconds of arc", "rad", math.pi / 648_000),
-    0xB4: ("revolutions", "rad", 2 * math.pi),
-    0xB5: ("increments", INCREMENT, 1.0),
-    0xC0: ("revolutions per minute", "", 0.0),
-    0xC1: ("inches", "", 0.0),
+    0x00: ("numbers without dimension", "", 0, 0.0),
+    0x01: ("metres", "m", 0, 1.0),
+    0x10: ("radians", "rad", 0, 1.0),
+    0x40: ("gon", "rad", 0, math.pi / 200),
+    0x41: ("degrees", "rad", 0, math.pi / 180),
+    0x42: ("minutes of arc", "rad", 0, math.pi / 10_800),
+    0x43: ("seconds of arc", "rad", 0, math.pi / 648_000),
+    0xB4: ("revolutions", "rad", 0, 2 * math.pi),
+    0xB5: ("increments", INCREMENT, 0, 1.0),
+    0xC0: ("revolutions per minute", "rad", 1, 2 * math.pi / 60),
+    0xC1: ("inches", "m", 0, 0.0254),
 }
-"""What is counted: words, base, SI value."""
+"""What is counted: words, base, power of the time in it, SI value."""
 
 _TIMES = {
     0x00: ("", 0, 1.0),
@@ -168,7 +168,7 @@ def _check_rate(
         one, si = unit(settings, rate.example), dimension(settings, rate.example)
         raise ConfigurationError(
             f"the drive does not say what it counts {rate.name} in; the machine file must: "
-            f"add {rate.name}_unit: {one:g} to its drive section if it is {one:g} {si}",
+            f"{_to_write(rate, one)} if it is {one:g} {si}",
             axis=settings.name, obj=rate.notation,
         )  # fmt: skip
 
@@ -197,7 +197,8 @@ def read_unit(value: int) -> StatedUnit:
     value &= 0xFFFFFFFF
     prefix, counted, time, rest = value.to_bytes(4, "big")
     power = prefix - 256 if prefix > 127 else prefix
-    words, base, size = _COUNTED.get(counted, (f"an unknown unit 0x{counted:02X}", "", 0.0))
+    unknown = (f"an unknown unit 0x{counted:02X}", "", 0, 0.0)
+    words, base, own, size = _COUNTED.get(counted, unknown)
     by, per, seconds = _TIMES.get(time, (f"an unknown unit 0x{time:02X}", 0, math.inf))
     if power:
         words = f"10^{power} {words}"
@@ -205,27 +206,37 @@ def read_unit(value: int) -> StatedUnit:
         words = f"{words} per {by}"
     if rest:
         words, size = f"{words}, and 0x{rest:02X} in bits that mean nothing", 0.0
-    return StatedUnit(words, base, per, float(10.0**power) * size / seconds)
+    return StatedUnit(words, base, own + per, float(10.0**power) * size / seconds)
 
 
 def _size(stated: int, settings: AxisSettings, quantity: _Quantity) -> float:
     """One unit as stated [SI].
 
     Raises:
-        ConfigurationError: the axis cannot use such a unit.
+        ConfigurationError: the axis cannot use such a unit, or not by this statement alone.
     """
     found = read_unit(stated)
     kind, base = ("rotary", "rad") if settings.rotary else ("linear", "m")
+    why = f"a {kind} axis cannot use it for {quantity.name}"
     if found.per == quantity.per and found.size > 0:
         if found.base == base:
             return found.size
-        if found.base == INCREMENT and quantity is _POSITION:
-            # which increments a velocity counts, and per which time, differs from drive to drive
-            return found.size * settings.encoder_increment
+        if found.base == INCREMENT:
+            size = found.size * settings.encoder_increment
+            if quantity is _POSITION or getattr(settings, f"{quantity.name}_unit"):
+                return size
+            why = f"increments of what is not known; {_to_write(quantity, size)} if of the encoder"
+        elif found.base == "rad":
+            if settings.lead:
+                return found.size * settings.lead / (2 * math.pi)
+            why += " without lead, the travel per revolution, in its drive section"
     raise ConfigurationError(
-        f"says 0x{stated:08X}: {found.words}; a {kind} axis cannot use it for {quantity.name}",
-        axis=settings.name, obj=quantity.notation,
-    )  # fmt: skip
+        f"says 0x{stated:08X}: {found.words}; {why}", axis=settings.name, obj=quantity.notation
+    )
+
+
+def _to_write(quantity: _Quantity, size: float) -> str:
+    return f"add {quantity.name}_unit: {size:.9g} to its drive section"
 
 
 def _compare(found: float, settings: AxisSettings, quantity: _Quantity, ref: ObjectRef) -> None:
@@ -233,7 +244,8 @@ def _compare(found: float, settings: AxisSettings, quantity: _Quantity, ref: Obj
     expected, si = unit(settings, quantity.example), dimension(settings, quantity.example)
     if not math.isclose(found, expected, rel_tol=TOLERANCE):
         raise ConfigurationError(
-            f"one {quantity.name} unit is {found:.6g} {si}, the settings say {expected:.6g} {si}",
+            f"one {quantity.name} unit is {found:.6g} {si}, the settings say {expected:.6g} {si}; "
+            f"{_to_write(quantity, found)} if the drive is right",
             axis=settings.name, obj=ref,
         )  # fmt: skip
 

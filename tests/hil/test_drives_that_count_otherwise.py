@@ -21,6 +21,7 @@ START = (-5e-3, -4e-3)
 VELOCITY, ACCELERATION = key(0x60A9), key(0x60AA)
 RPM, RPM_PER_SECOND = 0x00B44700, 0x00C00300
 MILLIMETRES_PER_MINUTE = 0xFD014700
+POSITION, TENTHS_OF_A_DEGREE = key(0x60A8), 0xFF410000
 
 
 class Drives:
@@ -92,7 +93,8 @@ def test_a_drive_that_counts_in_rpm_is_refused_before_power(command, stage_machi
     drives = Drives(stage_machine, {VELOCITY: RPM, ACCELERATION: RPM_PER_SECOND})
     assert refused(drives, command, tmp_path) == (
         "axis x: 0x60A9:00 SI unit velocity: says 0x00B44700: revolutions per minute; a linear "
-        "axis cannot use it for velocity"
+        "axis cannot use it for velocity without lead, the travel per revolution, in its drive "
+        "section"
     )
 
 
@@ -148,7 +150,26 @@ RATES = [
 ]
 
 
-@pytest.mark.parametrize(("units", "says"), RATES, ids=["um/s", "mm/s", "mm/min", "machine file"])
+# on a screw, by its lead: one revolution moves 3.6 um, so that 0.1 degrees move 1 nm
+SCREW = [
+    (
+        {"lead": "3.6 um", "velocity_unit": "60 nm/s", "acceleration_unit": "60 nm/s^2"},
+        {POSITION: TENTHS_OF_A_DEGREE, VELOCITY: 0x00B44700, ACCELERATION: RPM_PER_SECOND},
+    ),
+    (
+        {"lead": "3.6 um", "velocity_unit": "3.6 um/s", "acceleration_unit": "1 um/s^2"},
+        {VELOCITY: 0x00B40300, ACCELERATION: 0x02415700},
+    ),
+    # increments are of the encoder where the machine file says the same
+    ({"velocity_unit": "10 nm/s", "acceleration_unit": "1 um/s^2"}, {VELOCITY: 0x01B50300}),
+]
+
+
+@pytest.mark.parametrize(
+    ("units", "says"),
+    RATES + SCREW,
+    ids=["um/s", "mm/s", "mm/min", "machine file", "rpm, 0.1 deg", "turns/s", "counts"],
+)
 def test_moves_have_the_speed_asked_for(units, says, stage_machine):
     drives = Drives(with_units(stage_machine, **units), says)
     with drives.open() as stage:

@@ -84,6 +84,7 @@ class Drive(Section):
     Attributes:
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
             m/s^2]; velocity_unit and acceleration_unit None: the drive has to say them.
+        lead: travel per revolution [m] of a drive that counts angles on a linear axis.
         unwatched_host: whether to power a drive that keeps moving when its host is gone.
         boot_timeout: for its boot-up message [s].
         enable_timeout: for OPERATION ENABLED, phase finding included [s].
@@ -99,6 +100,7 @@ class Drive(Section):
     control_period: Annotated[PositiveTime, Plausible(1e-6, 1.0, "s")]
     position_unit: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")] = _USUAL_UNIT
     velocity_unit: Annotated[PositiveVelocity | None, Plausible(1e-15, 1e3, "m/s")] = None
+    lead: Annotated[PositiveLength | None, Plausible(1e-9, 1e3, "m")] = None
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"
     acceleration_unit: Annotated[PositiveAcceleration | None, Plausible(1e-15, 1e6, "m/s^2")] = None

@@ -115,6 +115,7 @@ def driver_settings(
             encoder=axis.encoder.increment,
             velocity_unit=axis.drive.velocity_unit or 0.0,
             acceleration_unit=axis.drive.acceleration_unit or 0.0,
+            lead=axis.drive.lead or 0.0,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
             options=axis.drive.options,

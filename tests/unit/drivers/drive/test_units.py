@@ -126,7 +126,11 @@ CANNOT_USE = ".*a linear axis cannot use it for "
                 ({"x6076_0": 41_000}, "0x6076:00 .*the drive says 41 N, the settings 40 N"),
                 ({"x6076_0": 39_999}, "0x6076:00 .*the settings 40 N"),
                 ({"x6076_0": 40_001}, "0x6076:00 .*the settings 40 N"),
-                ({"x60A8_0": 0xFA010000}, "0x60A8:00 .*position unit is 1e-06 m, .* say 1e-09 m$"),
+                (
+                    {"x60A8_0": 0xFA010000},
+                    "0x60A8:00 .*position unit is 1e-06 m, .* say 1e-09 m; add position_unit: "
+                    "1e-06 to its drive section if the drive is right$",
+                ),
                 ({"x6096_1": 10_000_011, "x6096_2": 10_000_000}, "0x6096:01 .*one velocity unit"),
                 ({"x6091_1": 10_000_000, "x6091_2": 10_000_011}, "0x6092:01 feed: factor group"),
             )
@@ -156,12 +160,22 @@ CANNOT_USE = ".*a linear axis cannot use it for "
                     "0x60A9:00 .*: says 0x00B44700: revolutions per minut",
                 ),
                 ({"x60A9_0": 0xFF410300}, r"0x60A9:00 .*0xFF410300: 10\^-1 degrees per second; "),
-                ({"x60A9_0": 0xFFB50300 - (1 << 32)}, r"0x60A9:00 .*: 10\^-1 increments per sec"),
                 ({"x60A9_0": 0x00015700}, "0x60A9:00 .*metres per second squared; "),
                 ({"x60AA_0": 0x00010300}, "0x60AA:00 .*metres per second; "),
                 ({"x60A8_0": 0xFF410000}, r"0x60A8:00 .*10\^-1 degrees; "),
                 ({"x60A8_0": 0xF7010300}, r"0x60A8:00 .*10\^-9 metres per second; "),
             )
+        ),
+        (
+            {"x60A9_0": 0xFFB50300 - (1 << 32)},
+            WRITTEN,
+            r"0x60A9:00 .*one velocity unit is 1e-10 m/s, the settings say 1e-09 m/s; ",
+        ),
+        (
+            {"x60A9_0": 0xFFB50300},
+            {},
+            r"0x60A9:00 .*: 10\^-1 increments per second; increments of what is not known; "
+            "add velocity_unit: 1e-10 to its drive section if of the encoder$",
         ),
         ({}, {"rotary": True}, r".*0xF7010300: 10\^-9 metres per second; a rotary axis cannot"),
     ],
@@ -256,6 +270,9 @@ def test_half_a_factor_counts_as_none(missing):
         (0x00430000, "seconds of arc", "rad", 0, math.pi / 180 / 3600),
         (0xFD100300, "10^-3 radians per second", "rad", 1, 1e-3),
         (0xFFB50300, "10^-1 increments per second", INCREMENT, 1, 0.1),
+        (0x00C00000, "revolutions per minute", "rad", 1, 2 * math.pi / 60),
+        (0x00C00300, "revolutions per minute per second", "rad", 2, 2 * math.pi / 60),
+        (0x00C10300, "inches per second", "m", 1, 0.0254),
     ],
 )
 def test_units_that_are_understood(value, words, base, per, size):
@@ -269,8 +286,6 @@ def test_units_that_are_understood(value, words, base, per, size):
     ("value", "words"),
     [
         (0x00000300, "numbers without dimension per second"),
-        (0x00C00300, "revolutions per minute per second"),
-        (0x00C10000, "inches"),
         (0x00990000, "an unknown unit 0x99"),
         (0x00019900, "metres per an unknown unit 0x99"),
         (0x00010305, "metres per second, and 0x05 in bits that mean nothing"),
