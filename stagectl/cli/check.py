@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import click
 
 from stagectl.cli.bus_access import Bench
 from stagectl.cli.console import make_table, show_result
-from stagectl.cli.options import JSON_OUT, takes
+from stagectl.cli.options import JSON_OUT, option, takes
 from stagectl.cli.signals import interruptible
 from stagectl.errors import StagectlError
 
@@ -18,11 +19,24 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from drivers.commissioning.conformance import Finding
+    from stagectl.measurement import Compared
+
+
+@dataclass(frozen=True)
+class _Move:
+    """Of the check by a move."""
+
+    move: bool = option(
+        "Instead, move the axis by 0.1 mm and back, after a question, and compare scale and sign.",
+        default=False,
+    )
+    yes: bool = option("Move without asking.", default=False)
 
 
 @click.command
 @click.argument("node", type=click.IntRange(1, 126))
 @takes(Bench)
+@takes(_Move)
 @click.option("--power/--no-power", default=True,
               help="Include checks that enable the drive.")  # fmt: skip
 @click.option("--homing", is_flag=True,
@@ -30,14 +44,23 @@ if TYPE_CHECKING:
 @click.option("--failures", is_flag=True, help="List only checks that did not pass.")
 @JSON_OUT
 def command(
-    bench: Bench, node: int, power: bool, homing: bool, failures: bool, json_out: Path | None
-) -> None:
+    bench: Bench, how: _Move, node: int, power: bool, homing: bool, failures: bool,
+    json_out: Path | None,
+) -> None:  # fmt: skip
     """Test the drive with node id NODE, of any make, against CiA 301 and CiA 402; needs no EDS.
 
     The axis is enabled in place, with its actual position as the setpoint; keep clear of it all
     the same. Objects that are written get their old values back, and the drive ends disabled.
     Refused while another host is on the bus. Exit code 0 if no check failed, else 1.
+
+    With --move, the axis of the machine file with this node id moves by 0.1 mm: position, velocity,
+    force and force offset are compared with what was asked, and runs no longer tell of the axis.
     """
+    if how.yes and not how.move:
+        raise click.UsageError("--yes needs --move")
+    if how.move:
+        _check_by_move(bench, node, how.yes, json_out)
+        return
     from drivers.canopen import LISTENING
     from drivers.commissioning.conformance import Verdict, run
 
@@ -55,6 +78,54 @@ def command(
             f"node {node}: {len(failed)} of {len(findings)} checks failed, first: "
             f"{failed[0].group}: {failed[0].check}: {failed[0].detail}"
         )
+
+
+def _check_by_move(bench: Bench, node: int, yes: bool, json_out: Path | None) -> None:
+    """Compare scale and sign; keep beside the machine file of a real stage that they agree."""
+    from drivers.stage import Stage
+    from stagectl.measurement import check_scale, note_checked
+
+    chosen = next((axis for axis in bench.axes if axis.node == node), None)
+    if chosen is None:
+        raise click.BadParameter(
+            f"{bench.machine.source} has no axis with node id {node}; --move needs its limits",
+            param_hint="NODE",
+        )
+    if not (yes or bench.simulated):
+        click.confirm(
+            f"Axis {chosen.name} will move by 0.1 mm and back three times, at up to 0.5 mm/s if "
+            "its units are right, and is pushed by a third of its friction. Go ahead?",
+            abort=True, err=True,
+        )  # fmt: skip
+    with bench.on_bus() as settings, Stage.open(settings, (chosen,)) as stage, interruptible():
+        stage.boot()
+        for notice in (*stage.limitations, *stage.notices):
+            click.echo(notice, err=True)
+        compared = check_scale(stage, stage.axes[0], bench.machine)
+        stage.disable()
+    show_result([asdict(c) for c in compared], json_out, _comparison(compared, chosen.name))
+    wrong = [c.what for c in compared if c.agrees is False]
+    if wrong:
+        raise StagectlError(
+            f"axis {chosen.name}: {'; '.join(wrong)}: not what was asked for; correct the units in "
+            "the machine file or the drive's set-up before anything else moves it"
+        )
+    if not bench.simulated:
+        kept = note_checked(bench.machine, chosen.name, datetime.now(UTC))
+        click.echo("no file to note it beside" if kept is None else f"noted in {kept}", err=True)
+
+
+def _comparison(compared: list[Compared], axis: str) -> Table:
+    def number(value: float | None) -> str:
+        return "" if value is None else f"{value:.4g}"
+
+    verdicts = {True: "agrees", False: "WRONG", None: "not compared"}
+    rows = [
+        (c.what, number(c.asked), number(c.found), verdicts[c.agrees], c.remark) for c in compared
+    ]
+    return make_table(
+        f"axis {axis}: a move of 0.1 mm", ("", "asked", "found", "verdict", "remark"), rows
+    )
 
 
 def _table(findings: list[Finding], node: int, label: str) -> Table:

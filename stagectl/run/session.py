@@ -17,6 +17,7 @@ from hil_sim.bus import InjectedFault
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
 from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
+from stagectl.measurement import never_checked
 from stagectl.recipe import plan_from
 from stagectl.run.checks import Checked, Substitutes
 from stagectl.run.listener import Listener
@@ -127,7 +128,7 @@ class Session:
                 stage.boot()
                 self._heed_early_stop()
                 record.start()
-                for text in stage.limitations:
+                for text in (*self._unchecked(), *stage.limitations):
                     self._on_event(Limitation(text))
                 listener.phase("homing")
                 stage.home()
@@ -171,6 +172,13 @@ class Session:
             raise
         finally:
             self._over = True
+
+    def _unchecked(self) -> list[str]:
+        """On a real stage: which axes were never checked by a move."""
+        if self._request.truth is not None or self._substitutes is not None:
+            return []
+        line = never_checked(self._request.machine)
+        return [] if line is None else [line]
 
     def _name_effects_left(self) -> None:
         """Say which effects of the machine file the host does not make up for, and why."""
