@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from drivers.canopen import LISTENING, MonotonicClock, Network
 from drivers.cyclic import Cycle
@@ -11,7 +12,7 @@ from drivers.errors import BusError, ConfigurationError, NodeError
 from drivers.settings import BusSettings
 
 _ATTEMPTS = 3
-"""At configuring the nodes, where two devices seem to share a node id."""
+"""At booting the nodes, where two devices seem to share a node id."""
 
 
 class Boot:
@@ -53,16 +54,24 @@ class Boot:
         self._cycle.reset()
         try:
             self._configure_and_start()
-        except (NodeError, ConfigurationError):
-            self._network.check_alone()  # another host explains it better
+        except (NodeError, ConfigurationError) as error:
+            self._network.check_alone()  # another host, or a second device, explains it better
+            doubled = self._doubled_node(error.axis)
+            if doubled is not None:
+                raise doubled from error
             raise
         self._network.check_alone()
         self._cycle.clear_alarms()
 
     def _configure_and_start(self) -> None:
+        """Nothing is written to a node id that two devices seem to have."""
         for _ in range(_ATTEMPTS):
-            self._configure()
-            doubles = [error for axis in self._axes if (error := axis.node.find_double())]
+            for axis in self._axes:
+                axis.node.boot()
+            doubles = [error for axis in self._axes if (error := axis.node.seen_double())]
+            if not doubles:
+                self._configure()
+                doubles = [error for axis in self._axes if (error := axis.node.find_double())]
             if not doubles:
                 break
         else:
@@ -70,9 +79,15 @@ class Boot:
         for axis in self._axes:
             axis.node.start()
 
+    def _doubled_node(self, name: str | None) -> NodeError | None:
+        """Evidence that two devices have the node id of this axis, None without."""
+        with suppress(NodeError):
+            for axis in self._axes:
+                if axis.name == name:
+                    return axis.node.find_double()
+        return None
+
     def _configure(self) -> None:
-        for axis in self._axes:
-            axis.node.boot()
         for axis in self._axes:
             axis.configure(self._settings)
         for channel in self._cycle.channels:

@@ -7,9 +7,9 @@ are in `remote_objects.py`.
 from __future__ import annotations
 
 import struct
-from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 
 from drivers import objects as od
 from drivers.canopen.bus import Network
@@ -44,7 +44,7 @@ class Node(RemoteObjects):
         self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
         self.alarm: AxisFault | None = None
         self.watched = False
-        self.booted = self._booted_before = 0
+        self.booted = self._booted_before = self._answers_at_boot = 0
         self.emergencies: deque[int] = deque(maxlen=8)
         self.state: int | None = None
         self._heard_ns = network.clock.now_ns()
@@ -123,7 +123,13 @@ class Node(RemoteObjects):
                 axis=self.name,
             )
         self.clear_alarms()
-        self._check_identity()
+        with self._counted_answers() as answers:
+            self._check_identity()
+        self._answers_at_boot = max(answers.values())
+
+    def seen_double(self) -> NodeError | None:
+        """As `find_double`, by what was received in `boot` and since; nothing is sent."""
+        return self._double(self._answers_at_boot)
 
     def find_double(self) -> NodeError | None:
         """Evidence since `boot` of two devices with this node id; None: there is none.
@@ -134,7 +140,13 @@ class Node(RemoteObjects):
         Raises:
             NodeError: no answer.
         """
-        answers = self._count_answers()
+        with self._counted_answers() as answers:
+            self.read(od.DEVICE_TYPE)
+            self._network.pump(SECOND_ANSWER)
+        return self._double(max(answers.values()))
+
+    def _double(self, answers: int) -> NodeError | None:
+        """By the boot-up messages since `boot`, and the answers to one SDO request."""
         booted = self.booted - self._booted_before
         if booted > 1:
             what = f"{booted} boot-up messages after one reset"
@@ -146,22 +158,19 @@ class Node(RemoteObjects):
             f"{what}: do two devices have node id {self.id}? (stagectl scan)", axis=self.name
         )
 
-    def _count_answers(self) -> int:
-        """The number of answers to one SDO request."""
-        count = 0
-        requested = struct.pack("<HB", od.DEVICE_TYPE.index, od.DEVICE_TYPE.sub)
+    @contextmanager
+    def _counted_answers(self) -> Iterator[Counter[bytes]]:
+        """Counts the answers to the reads inside, by object."""
+        answers: Counter[bytes] = Counter()
 
-        def answer(can_id: int, data: bytearray, timestamp: float) -> None:
-            nonlocal count
-            count += bytes(data[1:4]) == requested
+        def count(can_id: int, data: bytearray, timestamp: float) -> None:
+            answers[bytes(data[1:4])] += 1
 
-        self._network.subscribe(0x580 + self.id, answer)
+        self._network.subscribe(0x580 + self.id, count)
         try:
-            self.read(od.DEVICE_TYPE)
-            self._network.pump(SECOND_ANSWER)
+            yield answers
         finally:
-            self._network.unsubscribe(0x580 + self.id, answer)
-        return count
+            self._network.unsubscribe(0x580 + self.id, count)
 
     def _check_identity(self) -> None:
         info = self.dictionary.device_information

@@ -136,7 +136,11 @@ class Axis:
                 f"{od.SYNC_WINDOW} is not offered: the drive accepts late setpoints"
             )
         value, index = interpolation_period(bus.period_us)
-        node.write_optional(od.INTERPOLATION_VALUE, value)
+        if not node.write_optional(od.INTERPOLATION_VALUE, value):
+            self.add_limitation(
+                f"{od.INTERPOLATION_VALUE} is not offered: over which time the drive interpolates "
+                "setpoints is not known"
+            )
         node.write_optional(od.INTERPOLATION_INDEX, index)
         self.settings, clauses = parameters.write_settings(node, axis)
         self.add_limitation(*clauses)

@@ -28,6 +28,9 @@ HOMING_ACCELERATION = 1.0
 _MISSING = {
     od.FOLLOWING_ERROR_WINDOW: "the drive does not monitor the following error as requested",
     od.QUICK_STOP_OPTION: "its reaction to a quick stop is manufacturer specific",
+    od.FAULT_REACTION_OPTION: "its reaction to a fault is manufacturer specific",
+    od.QUICK_STOP_DECELERATION: "how hard it brakes on a quick stop is not known",
+    od.MAX_FORCE: "nothing but its own set-up limits the force",
     od.SOFT_LIMIT_HIGH: "only the host monitors the travel",
 }
 """Consequence where these objects are not offered."""

@@ -75,6 +75,14 @@ def test_without_option_codes_and_windows_the_consequence_is_reported():
         assert stage.enabled
 
 
+def test_without_what_limits_force_and_stops_the_consequence_is_reported():
+    with stage_without(0x6085, 0x6072, 0x605E, 0x60C2) as (stage, _):
+        assert [line.split(" ")[2] for line in stage.limitations] == [
+            "0x60C2:01", "0x605E:00", "0x6085:00", "0x6072:00",
+        ]  # fmt: skip
+        assert all("is not offered: " in line for line in stage.limitations)
+
+
 def test_a_fault_merges_all_that_is_known():
     with stage_without() as (stage, drives):
         target = np.tile(stage.targets, (100, 1))

@@ -52,6 +52,19 @@ def test_two_devices_are_refused_before_power(stage_machine, heard, said):
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
+@pytest.mark.parametrize("heard", [[BOOT_UP], [SDO], [BOOT_UP, SDO, TPDO]])
+def test_nothing_is_written_to_a_node_id_of_two_devices(stage_machine, heard):
+    with twins(stage_machine, *heard) as (stage, drives, _):
+        written = []
+        for drive in drives.drives:
+            server = drive.dictionary
+            store = server.set_data
+            server.set_data = lambda *a, store=store, **k: (written.append(a), store(*a, **k))
+        with pytest.raises(NodeError, match="do two devices have node id 1"):
+            stage.boot()
+        assert not written
+
+
 def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine):
     """They come while the first drive is set up, 23 ms after its own."""
     with twins(stage_machine) as (stage, drives, muffled):
