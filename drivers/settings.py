@@ -163,6 +163,10 @@ class AxisSettings:
         following_error: window [m]; the drive faults outside it for following_error_time [s].
         position_window: the target is reached (pp) within it [m] for position_window_time [s].
         options: option codes for stops.
+        rated_force_unit: one count of 0x6076 [N].
+        modes: that the drive offers, where its 0x6502 is not to be believed; none: by 0x6502.
+        warnings: EMCY error codes that stop the axes also with error register 0.
+        heartbeat: period of the drive's heartbeat [s].
         unwatched_host: accept a drive that stays enabled when the host's heartbeat is lost.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
@@ -187,6 +191,10 @@ class AxisSettings:
     velocity_unit: NotNegative = 0.0
     acceleration_unit: NotNegative = 0.0
     lead: NotNegative = 0.0
+    rated_force_unit: Positive = 1e-3
+    modes: tuple[int, ...] = ()
+    warnings: tuple[int, ...] = ()
+    heartbeat: Annotated[float, Interval(ge=0.01, le=1.0)] = 0.1
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
     following_error_time: Milliseconds = 0.01

@@ -157,10 +157,11 @@ class Stage:
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """Unmet requests on SYNC and real time, one clause each; known in motion."""
+        """Warnings of drives, unmet requests on SYNC and real time; one clause each, in motion."""
         corrected = self._cycle.corrected
         failed = () if corrected is None or corrected.failure is None else (corrected.failure,)
-        return (*self._real_time.refused, *self._cycle.sync.notices, *failed)
+        warned = [f"axis {a.name}: {text}" for a in self.axes for text in a.node.warnings]
+        return (*warned, *self._real_time.refused, *self._cycle.sync.notices, *failed)
 
     @property
     def missed(self) -> int:

@@ -16,7 +16,7 @@ from drivers.canopen.bus import Network
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.nmt import NMT_STATES
 from drivers.canopen.remote_objects import RemoteObjects
-from drivers.errors import AxisFault, NodeError
+from drivers.errors import AxisFault, ConfigurationError, NodeError, RefusedError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
@@ -24,7 +24,9 @@ SECOND_ANSWER = 0.005
 """A second device with the same node id answers within this time after the first [s]."""
 REBOOTED = "the drive rebooted (boot-up message): its configuration is lost"
 HEARTBEAT_PRODUCER_MS = 100
-HEARTBEAT_DEADLINE_NS = 350_000_000
+"""By default."""
+_HEARTBEATS = 3.5
+"""Periods after which a node counts as silent."""
 
 _OPERATIONAL, _PRE_OPERATIONAL = 5, 127
 
@@ -37,15 +39,19 @@ class Node(RemoteObjects):
         watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
         booted: number of boot-up messages received.
         emergencies: EMCY error codes since `clear_alarms`, oldest first.
+        warnings: what the drive warned of (EMCY with error register 0), one clause each.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
         super().__init__(network, settings)
         self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
+        self._heartbeat_ms = round(settings.heartbeat * 1000)
+        self._stopping = frozenset(settings.warnings)
         self.alarm: AxisFault | None = None
         self.watched = False
         self.booted = self._booted_before = self._answers_at_boot = 0
         self.emergencies: deque[int] = deque(maxlen=8)
+        self.warnings: list[str] = []
         self.state: int | None = None
         self._heard_ns = network.clock.now_ns()
         self._network = network
@@ -76,12 +82,17 @@ class Node(RemoteObjects):
         self.silent = False
         code, register = struct.unpack_from("<HB", data)
         if code & 0xFF00:
+            if register == 0 and code not in self._stopping:
+                warning = f"warns: {error_text(code)}, and goes on (error register 0)"
+                if warning not in self.warnings:
+                    self.warnings.append(warning)
+                return
             self.emergencies.append(code)
             text = f"emergency: {error_text(code)}, error register: {register_text(register)}"
             self._alarm(text, code)
 
     def _watch(self, now: int) -> None:
-        if self.watched and now - self._heard_ns > HEARTBEAT_DEADLINE_NS:
+        if self.watched and now - self._heard_ns > _HEARTBEATS * 1e6 * self._heartbeat_ms:
             silent = (now - self._heard_ns) / 1e9
             self._alarm(f"heartbeat lost: node {self.id} silent for {silent:.2f} s")
 
@@ -206,7 +217,14 @@ class Node(RemoteObjects):
 
     def set_heartbeat(self) -> None:
         """Has the node send heartbeats."""
-        self.write_checked(od.HEARTBEAT_PRODUCER, HEARTBEAT_PRODUCER_MS)
+        try:
+            self.write_checked(od.HEARTBEAT_PRODUCER, self._heartbeat_ms)
+        except (RefusedError, ConfigurationError) as error:
+            raise ConfigurationError(
+                f"{error.cause}; a drive that only takes longer periods needs heartbeat in its "
+                f"drive section: 200 ms, and it may go on for {_HEARTBEATS * 0.2:g} s unnoticed",
+                axis=self.name, obj=od.HEARTBEAT_PRODUCER,
+            ) from error  # fmt: skip
 
     def start(self) -> None:
         """Sends NMT start and waits for a heartbeat that confirms OPERATIONAL.
@@ -216,7 +234,7 @@ class Node(RemoteObjects):
         """
         self.state = None
         self._network.send_message(0, (1, self.id))
-        wait = 5 * HEARTBEAT_PRODUCER_MS * 1e-3
+        wait = 5 * self._heartbeat_ms * 1e-3
         if not self._network.pump_until(lambda: self.state == _OPERATIONAL, wait):
             raise NodeError(
                 f"node {self.id} did not become OPERATIONAL within {wait:g} s "

@@ -6,16 +6,18 @@ written is read back. Controller gains and other tuning of the drive are left al
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from drivers import objects as od
 from drivers.canopen import RPDO, TPDO, Network, Node, PdoMapping, configure_pdo, disable_pdo
+from drivers.canopen.pdo import MappedObject
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import MODE_NAMES, Mode
 from drivers.drive.host_loss import watch_host
 from drivers.drive.scaling import counts, unit
 from drivers.drive.units import check_units
-from drivers.errors import AxisFault, ConfigurationError
+from drivers.errors import AxisFault, ConfigurationError, RefusedError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, BusSettings
 
@@ -35,6 +37,8 @@ _WITHOUT = {
     od.FORCE_ACTUAL: "force reads 0, friction cannot be learned",
 }
 """Objects that are mapped where offered, and the consequence where they are not."""
+_OPTIONAL = {RPDO: od.FORCE_OFFSET, TPDO: od.FORCE_ACTUAL}
+"""Those by the PDO that carries them, as its last entry."""
 
 _NEEDED = {
     Mode.HOMING: (od.HOMING_METHOD,),
@@ -72,11 +76,15 @@ class Axis:
         self.mode: Mode | None = None
         self.limitations: list[str] = []
         self.target = od.TARGET_POSITION
-        self._map_objects({ref for ref in _WITHOUT if not self.node.offers(ref)})
+        self._map_objects({r for r in _WITHOUT if self._is_wide(r) or not self.node.offers(r)})
         self.rpdo_id = 0x200 + settings.node
         self.tpdo_id = 0x180 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
+
+    def _is_wide(self, ref: ObjectRef) -> bool:
+        """Whether the EDS lists an object that does not fit beside control word and position."""
+        return self.node.offers(ref) and MappedObject(ref, self.node.data_type(ref)).bits > 16
 
     def _map_objects(self, absent: Collection[ObjectRef]) -> None:
         """Makes the cyclic mappings without objects that are absent."""
@@ -100,9 +108,10 @@ class Axis:
     def _find_limitations(self) -> None:
         """Finds which cyclic objects the node has, whatever its EDS says."""
         self.limitations.clear()
-        absent = [ref for ref in _WITHOUT if not self.node.has(ref)]
+        absent = [ref for ref in _WITHOUT if self._is_wide(ref) or not self.node.has(ref)]
         for ref in absent:
-            self.add_limitation(f"{ref} is not offered: {_WITHOUT[ref]}")
+            why = "has more than 16 bits, which do not fit" if self._is_wide(ref) else ""
+            self.add_limitation(f"{ref} {why or 'is not offered'}: {_WITHOUT[ref]}")
         self.target = od.TARGET_POSITION
         self._map_objects(absent)
 
@@ -135,22 +144,68 @@ class Axis:
             self.add_limitation(
                 f"{od.SYNC_WINDOW} is not offered: the drive accepts late setpoints"
             )
-        value, index = interpolation_period(bus.period_us)
-        if not node.write_optional(od.INTERPOLATION_VALUE, value):
-            self.add_limitation(
-                f"{od.INTERPOLATION_VALUE} is not offered: over which time the drive interpolates "
-                "setpoints is not known"
-            )
-        node.write_optional(od.INTERPOLATION_INDEX, index)
+        self._set_interpolation(bus.period_us)
         self.settings, clauses = parameters.write_settings(node, axis)
         self.add_limitation(*clauses)
-        configure_pdo(node, RPDO, self.rpdo_id, self.rpdo)
-        configure_pdo(node, TPDO, self.tpdo_id, self.tpdo)
+        self._configure_pdos(RPDO, TPDO)
         for number in range(1, PDO_COUNT):
             disable_pdo(node, RPDO + number)
             disable_pdo(node, TPDO + number)
         node.set_heartbeat()
         self._watch_host()
+
+    def _configure_pdos(self, *indices: int) -> None:
+        """Configures these PDOs; without their optional object where the drive refuses that."""
+        for index in indices:
+            try:
+                self._configure_pdo(index)
+            except RefusedError as refused:
+                optional = _OPTIONAL[index]
+                if optional in self._unmapped():
+                    raise
+                self.add_limitation(
+                    f"{optional} is not mapped ({refused.cause}): {_WITHOUT[optional]}"
+                )
+                self._map_objects({*self._unmapped(), optional})
+                self._configure_pdo(index)
+
+    def _configure_pdo(self, index: int) -> None:
+        if index == RPDO:
+            configure_pdo(self.node, index, self.rpdo_id, self.rpdo)
+        else:
+            configure_pdo(self.node, index, self.tpdo_id, self.tpdo)
+
+    def _unmapped(self) -> set[ObjectRef]:
+        """Optional objects that the present mappings lack."""
+        mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
+        return set(_WITHOUT) - mapped
+
+    def _set_interpolation(self, period_us: int) -> None:
+        """Writes 0x60C2, in the notation that the drive takes: 10 ms are 1 * 10^-2 or 10 * 10^-3.
+
+        Raises:
+            ConfigurationError: the drive takes none; it would interpolate over another time.
+        """
+        value, index = interpolation_period(period_us)
+        held = 0, -3
+        while value <= 255:
+            first = self.node.write_if_accepted(od.INTERPOLATION_VALUE, value)
+            if first is None:
+                self.add_limitation(
+                    f"{od.INTERPOLATION_VALUE} is not offered: over which time the drive "
+                    "interpolates setpoints is not known"
+                )
+                return
+            second = self.node.write_if_accepted(od.INTERPOLATION_INDEX, index)
+            held = first[0], -3 if second is None else second[0]
+            if math.isclose(held[0] * 10.0 ** held[1], period_us * 1e-6):
+                return
+            value, index = 10 * value, index - 1
+        raise ConfigurationError(
+            f"the drive interpolates over {held[0]} * 10^{held[1]} s, SYNC comes every "
+            f"{period_us} us: choose a bus.sync_period that it takes",
+            axis=self.name, obj=od.INTERPOLATION_VALUE,
+        )  # fmt: skip
 
     def _watch_host(self) -> None:
         problem = watch_host(self.node, self.settings.options.abort_connection, self.add_limitation)
@@ -195,9 +250,8 @@ class Axis:
         if target != od.TARGET_POSITION:
             self.node.write(target, 0)
         self.target = target
-        mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
-        self._map_objects(set(_WITHOUT) - mapped)
-        configure_pdo(self.node, RPDO, self.rpdo_id, self.rpdo)
+        self._map_objects(self._unmapped())
+        self._configure_pdos(RPDO)
         return True
 
     def check_mode(self, mode: Mode) -> None:
@@ -212,12 +266,19 @@ class Axis:
                 f"is not in the EDS: no {MODE_NAMES[mode]}", axis=self.name, obj=target
             )
         self.check_objects(mode)
+        if stated := self.settings.modes:
+            if mode not in stated:
+                raise ConfigurationError(
+                    f"the machine file's modes leave out {MODE_NAMES[mode]}", axis=self.name
+                )
+            return
         if not self.node.offers(od.SUPPORTED_MODES):
             return
         modes = self.node.read(od.SUPPORTED_MODES)
         if not modes >> (mode - 1) & 1:
             raise ConfigurationError(
-                f"0x{modes:08X}: the drive does not offer {MODE_NAMES[mode]} mode",
+                f"0x{modes:08X}: the drive does not offer {MODE_NAMES[mode]} mode (if it does, "
+                "state its modes in its drive section)",
                 axis=self.name, obj=od.SUPPORTED_MODES,
             )  # fmt: skip
 

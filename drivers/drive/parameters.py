@@ -71,8 +71,8 @@ class Parameter:
 
     Attributes:
         object: the object.  value: requested, in the drive's unit.
-        rule: what else is accepted: ROUNDED values; with the other rules also LESS but not 0, for
-            ends of the travel ABOVE or BELOW, or ANY.
+        rule: what else is accepted: ROUNDED values; with the other rules also LESS but not 0,
+            ABOVE or BELOW (ends of the travel, and times of which 0 is the shortest), or ANY.
         unit: SI value of one unit.  dimension: that SI unit.
         consequence: of a value that is not merely rounded.
     """
@@ -128,15 +128,23 @@ def write_settings(node: RemoteObjects, requested: AxisSettings) -> tuple[AxisSe
     for ref, name, when in _OPTIONS:
         clauses += _write_option(node, ref, getattr(requested.options, name), when)
     held: dict[ObjectRef, float] = {}
+    raw: dict[ObjectRef, int] = {}
     for parameter in _parameters(requested):
         ref = parameter.object
         value, clause = _write(node, parameter)
         if value is None:
             if ref in _MISSING:
                 clauses.append(f"{ref} is not offered: {_MISSING[ref]}")
-        elif clause is not None:
+            continue
+        raw[ref] = value
+        if clause is not None:
             clauses.append(clause)
             held[ref] = value * parameter.unit
+    if raw.get(od.SOFT_LIMIT_LOW) == raw.get(od.SOFT_LIMIT_HIGH) == 0:  # CiA 402: no limits
+        for ref in (od.SOFT_LIMIT_LOW, od.SOFT_LIMIT_HIGH):
+            held.pop(ref, None)
+            clauses = [clause for clause in clauses if not clause.startswith(f"{ref} ")]
+        clauses.append(f"{od.SOFT_LIMIT_HIGH} is 0, as the lower one: {_MISSING[ref]}")
     return _as_held(requested, held), clauses
 
 
@@ -175,7 +183,7 @@ def _parameters(s: AxisSettings) -> Iterator[Parameter]:
     for row in (
         (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.ROUNDED),
         (od.FOLLOWING_ERROR_WINDOW, s.following_error, Rule.LESS, sooner),
-        (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.LESS, sooner),
+        (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.BELOW, sooner),
         (od.POSITION_WINDOW, s.position_window, Rule.ANY, window),
         (od.POSITION_WINDOW_TIME, s.position_window_time, Rule.ANY, window),
         (od.MAX_FORCE, s.peak_force, Rule.LESS, "there is no more force than that"),

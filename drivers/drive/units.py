@@ -30,6 +30,8 @@ from drivers.settings import AxisSettings
 
 TOLERANCE = 1e-6
 """Relative deviation due to factors that are fractions of 32-bit numbers."""
+RATED_FORCE_TOLERANCE = 1e-3
+"""Relative deviation of 0x6076, which a drive calculates from its motor's data."""
 _REVERSED = 0xC0
 """Bits 7 (position) and 6 (velocity) of 0x607E."""
 INCREMENT = "increment"
@@ -267,13 +269,17 @@ def _check_force(node: Node, settings: AxisSettings) -> list[str]:
             f"{od.RATED_FORCE} is not offered: the rated force is assumed to be "
             f"{settings.rated_force:g} N"
         ]
-    held, rated = node.read(od.RATED_FORCE), round(settings.rated_force * 1000)
-    if held != rated:
+    one, rated = settings.rated_force_unit, settings.rated_force
+    held = node.read(od.RATED_FORCE) * one
+    off = abs(held - rated)
+    if off > max(RATED_FORCE_TOLERANCE * rated, 0.5 * one):
         raise ConfigurationError(
-            f"the drive says {held / 1000:g} N, the settings {rated / 1000:g} N: "
-            "all forces would be scaled wrongly",
+            f"the drive says {held:g} N, the settings {rated:g} N: all forces would be scaled "
+            f"wrongly; if it does not count in {one:g} N, write rated_force_unit",
             axis=settings.name, obj=od.RATED_FORCE,
         )  # fmt: skip
+    if off > TOLERANCE * rated and off > 0.5 * one:
+        return [f"{od.RATED_FORCE} is {held:.6g} N, not {rated:.6g} N: forces are off by as much"]
     return []
 
 

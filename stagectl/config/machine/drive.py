@@ -26,6 +26,7 @@ from stagectl.config.parsing.units import (
 )
 from stagectl.config.parsing.validation import STRICT, Section
 
+ModeName = Literal["pp", "pv", "hm", "csp", "csv", "cst"]
 POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: fewer units than this."""
 
@@ -85,6 +86,10 @@ class Drive(Section):
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
             m/s^2]; velocity_unit and acceleration_unit None: the drive has to say them.
         lead: travel per revolution [m] of a drive that counts angles on a linear axis.
+        rated_force_unit: one count of its 0x6076 [N].
+        modes: that it offers, instead of what its 0x6502 says; None: as that says.
+        warnings: EMCY error codes that stop the axes though the error register is 0.
+        heartbeat: period of its heartbeat [s].
         unwatched_host: whether to power a drive that keeps moving when its host is gone.
         boot_timeout: for its boot-up message [s].
         enable_timeout: for OPERATION ENABLED, phase finding included [s].
@@ -101,6 +106,10 @@ class Drive(Section):
     position_unit: Annotated[PositiveLength, Plausible(1e-15, 1.0, "m")] = _USUAL_UNIT
     velocity_unit: Annotated[PositiveVelocity | None, Plausible(1e-15, 1e3, "m/s")] = None
     lead: Annotated[PositiveLength | None, Plausible(1e-9, 1e3, "m")] = None
+    rated_force_unit: Annotated[PositiveForce, Plausible(1e-12, 1e6, "N")] = 1e-3
+    modes: Annotated[tuple[ModeName, ...] | None, Field(min_length=1)] = None
+    warnings: tuple[Annotated[int, Field(ge=0x100, le=0xFFFF)], ...] = ()
+    heartbeat: Annotated[PositiveTime, Field(ge=0.01, le=1.0)] = 0.1
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"
     acceleration_unit: Annotated[PositiveAcceleration | None, Plausible(1e-15, 1e6, "m/s^2")] = None

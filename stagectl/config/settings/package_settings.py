@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _DEMANDED = {"velocity", "acceleration", "jerk", "following_error"}
 """Limits that the simulator has too."""
 
+MODES = {"pp": 1, "pv": 3, "hm": 6, "csp": 8, "csv": 9, "cst": 10}
+"""Modes of operation by their names in machine files."""
+
 
 def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
     """The simulator's settings: exactly the parameters in the file, nothing drawn from `tolerance`.
@@ -116,6 +119,10 @@ def driver_settings(
             velocity_unit=axis.drive.velocity_unit or 0.0,
             acceleration_unit=axis.drive.acceleration_unit or 0.0,
             lead=axis.drive.lead or 0.0,
+            rated_force_unit=axis.drive.rated_force_unit,
+            modes=tuple(MODES[name] for name in axis.drive.modes or ()),
+            warnings=axis.drive.warnings,
+            heartbeat=axis.drive.heartbeat,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
             options=axis.drive.options,

@@ -124,8 +124,8 @@ CANNOT_USE = ".*a linear axis cannot use it for "
                 ({"x60AA_0": 0xF7015700}, r"0x60AA:00 .*unit is 1e-09 m/s\^2, .* 1e-06"),
                 ({"x6097_1": 1, "x6097_2": 0}, "0x6097:01 .*factor group holds 1 / 0"),
                 ({"x6076_0": 41_000}, "0x6076:00 .*the drive says 41 N, the settings 40 N"),
-                ({"x6076_0": 39_999}, "0x6076:00 .*the settings 40 N"),
-                ({"x6076_0": 40_001}, "0x6076:00 .*the settings 40 N"),
+                ({"x6076_0": 39_959}, "0x6076:00 .*the settings 40 N"),
+                ({"x6076_0": 40_041}, "0x6076:00 .*the settings 40 N"),
                 (
                     {"x60A8_0": 0xFA010000},
                     "0x60A8:00 .*position unit is 1e-06 m, .* say 1e-09 m; add position_unit: "
@@ -183,6 +183,13 @@ CANNOT_USE = ".*a linear axis cannot use it for "
 def test_units_other_than_the_settings_are_refused(others, own, message):
     with pytest.raises(ConfigurationError, match=f"^axis x: {message}"):
         check_units(plain(**others), settings(**own))
+
+
+def test_a_rated_force_that_the_drive_calculates_may_be_rounded():
+    (clause,) = check_units(plain(x6076_0=40_001), settings())
+    assert clause.endswith("is 40.001 N, not 40 N: forces are off by as much")
+    small = {"rated_force": 0.0273, "peak_force": 0.05}
+    assert check_units(plain(x6076_0=27), settings(**small)) == []
 
 
 def test_missing_unit_objects_are_reported():
