@@ -233,9 +233,20 @@ class Stage:
         """
         self._pp.check(axis, velocity, acceleration)
 
+    def require_csp(self) -> None:
+        """Checks, before power, that the booted stage can stream positions.
+
+        Raises:
+            ConfigurationError: a drive does not offer csp.
+        """
+        for axis in self.axes:
+            axis.require_csp()
+
     @_exclusive
     def enable(self) -> None:
         """Enables all axes in csp where they stand; does nothing where they are enabled.
+
+        Where a drive does not offer csp, all hold in pp: `move_to` and `hold` work, streams do not.
 
         Raises:
             AxisFault: an axis is in fault, or does not become enabled in time.

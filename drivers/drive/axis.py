@@ -81,6 +81,7 @@ class Axis:
         self.tpdo_id = 0x180 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
+        self._without_csp: ConfigurationError | None = None
 
     def _is_wide(self, ref: ObjectRef) -> bool:
         """Whether the EDS lists an object that does not fit beside control word and position."""
@@ -136,7 +137,7 @@ class Axis:
         self._find_limitations()
         self.add_limitation(*dcf.apply(node, dcf.parameter_values(node.dictionary)))
         self.add_limitation(*check_units(node, axis))
-        self.check_mode(Mode.CYCLIC_SYNC_POSITION)
+        self._find_csp()
         self._set_up_sync(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, counts(axis, od.CYCLE_PERIOD, bus.sync_period))
         window = counts(axis, od.SYNC_WINDOW, bus.sync_window)
@@ -234,6 +235,35 @@ class Axis:
                 "is not offered: the drive would refuse a SYNC with a counter",
                 axis=self.name, obj=od.SYNC_OVERFLOW,
             )  # fmt: skip
+
+    def _find_csp(self) -> None:
+        """Finds whether the drive offers csp; one that does not needs pp."""
+        try:
+            self.check_mode(Mode.CYCLIC_SYNC_POSITION)
+            self._without_csp = None
+        except ConfigurationError as why:
+            try:
+                self.check_mode(Mode.PROFILE_POSITION)
+            except ConfigurationError:
+                raise why from None
+            self._without_csp = why
+            self.add_limitation(
+                "no csp: only moves by the drive's own profile (pp), nothing can be streamed"
+            )
+
+    def require_csp(self) -> None:
+        """Refuses a drive that does not offer csp; known once it is configured.
+
+        Raises:
+            ConfigurationError: why it does not.
+        """
+        if self._without_csp is not None:
+            raise self._without_csp
+
+    @property
+    def streams(self) -> bool:
+        """Whether the drive offers csp."""
+        return self._without_csp is None
 
     def map_target(self, mode: Mode) -> bool:
         """Maps the cyclic target of a mode; velocities and forces start at 0.

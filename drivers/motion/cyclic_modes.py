@@ -86,16 +86,21 @@ class CyclicModes:
         self._stopping, self._real_time = stopping, real_time
 
     def enter_csp(self) -> None:
-        """Enables all axes in csp where they stand; does nothing where they are."""
-        csp = Mode.CYCLIC_SYNC_POSITION
+        """Enables all axes in csp where they stand; does nothing where they are.
+
+        Where an axis does not offer csp, all are enabled in pp, which holds them as well.
+        """
+        mode = Mode.CYCLIC_SYNC_POSITION
+        if not all(axis.streams for axis in self._cycle.axes):
+            mode = Mode.PROFILE_POSITION
         with self._stopping.on_failure():
-            if self._power.enabled and self._power.mode is csp:
+            if self._power.enabled and self._power.mode is mode:
                 self._cycle.pump(0.0)
                 self._cycle.sync.resume()
                 self._cycle.exchange()  # the last TPDO may be old
                 if self._power.enabled:
                     return
-            self._power.enter(csp)
+            self._power.enter(mode)
 
     def stream_position(
         self, position: F64, offset: F64, until: Until | None, sink: Sink | None
@@ -103,7 +108,11 @@ class CyclicModes:
         """Streams one row of target positions [m] and force offsets [N] per SYNC."""
         channels = self._cycle.channels
         self._power.require_enabled()
-        if self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+        if self._power.mode is Mode.PROFILE_POSITION and _is_still(position, channels):
+            offset = np.zeros_like(offset)  # pp moves at a new setpoint only
+        elif self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+            for channel in channels:
+                channel.axis.require_csp()
             raise AxisFault("the stage is not in csp: enable it first", axis=channels[0].axis.name)
         targets, offsets = checked_positions(
             position, offset, [c.axis.settings for c in channels], [c.target for c in channels],
@@ -170,3 +179,9 @@ class CyclicModes:
                 self._cycle.stream(braking, np.zeros_like(braking), rows, None, None)
         units = [unit(c.axis.settings, c.axis.target) for c in channels]
         return decode_rows(rows, self._cycle.axes, units)
+
+
+def _is_still(position: F64, channels: Sequence[Channel]) -> bool:
+    """Whether rows of target positions [m] only repeat the present ones."""
+    present = [c.target * c.axis.increment for c in channels]
+    return bool((np.asarray(position) == present).all())

@@ -98,6 +98,7 @@ def ready_stage(machine: Machine, bus: tuple[str, str] | None) -> Iterator[Stage
     """
     with drivers_failures(), Stage.open(*driver_settings(machine, bus)) as stage:
         stage.boot()
+        stage.require_csp()
         stage.home()
         stage.enable()
         yield stage

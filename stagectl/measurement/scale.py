@@ -73,6 +73,8 @@ def check_scale(stage: Stage, axis: Axis, machine: Machine) -> list[Compared]:
         )
     figures = machine.axes[axis.name].plant.friction.figures
     compared = [_profile_speed(stage, axis, way)]
+    if not axis.streams:
+        return [*compared, Compared("position, force", None, None, None, "csp is not offered")]
     compared += _streamed(stage, axis, way, figures.coulomb)
     return compared + _pushed(stage, axis, figures.coulomb)
 

@@ -130,6 +130,7 @@ class Session:
                 record.start()
                 for text in (*self._unchecked(), *stage.limitations):
                     self._on_event(Limitation(text))
+                stage.require_csp()
                 listener.phase("homing")
                 stage.home()
                 self._heed_early_stop()
