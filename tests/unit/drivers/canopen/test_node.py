@@ -16,7 +16,7 @@ X, Y = 0, 1
         ((0x1000, 0), 0x191, NodeError, r"^axis x: 0x1000:00 device type: is profile 401"),
         ((0x6076, 0), 39000, ConfigurationError, r"0x6076:00 .*says 39 N, the settings 40 N"),
         ((0x6092, 1), 1000, ConfigurationError, r"0x6092:01 feed: factor group: .* 0.001 encoder"),
-        ((0x6502, 0), 0x21, ConfigurationError, r"0x6502:00 .*cyclic synchronous position"),
+        ((0x6502, 0), 0x20, ConfigurationError, r"0x6502:00 .*cyclic synchronous position"),
     ],
 )
 def test_a_device_other_than_the_expected_one_is_refused(opened, scripted, key, value, error, text):
