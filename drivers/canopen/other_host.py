@@ -6,7 +6,7 @@ other's work without either having a fault.
 Some buses return a host's own frames (udp_multicast always, SocketCAN on request) without marking
 them. There a frame is ours if it is one sent and not yet returned, or a copy of one just sent
 (networks duplicate frames now and then). A second SYNC cannot be distinguished from ours there; but
-a host that sends SYNC also sends setpoints.
+a host that sends SYNC also sends setpoints. Beside the kernel's SYNC one is found by its times.
 """
 
 from __future__ import annotations
@@ -67,11 +67,15 @@ class OtherHost:
             return False
         if self._is_ours(can_id, data, now) if self.echoes else not message.is_rx:
             return False
+        self.reveal(_describe(can_id, data))
+        return True
+
+    def reveal(self, frame: str) -> None:
+        """Notes the frame, one clause, that reveals another host."""
         if self.found is None:
-            self.found = _describe(can_id, data)
+            self.found = frame
             if self.on_found is not None:
                 self.on_found()
-        return True
 
     def _is_ours(self, can_id: int, data: bytes, now: int) -> bool:
         unreturned = self._unreturned.get(can_id, ())

@@ -22,6 +22,10 @@ it ends."""
 Receive = Callable[[float], can.Message | None]
 """python-can's `recv`: waits so long [s]."""
 
+_COUNTED, _CROWDED = 100, 0.8
+"""So many SYNCs in less than this share of as many periods: a second device sends SYNC. One that is
+held up does not make them more."""
+
 
 class Reception:
     """Receives process data, one SYNC at a time.
@@ -44,7 +48,7 @@ class Reception:
         self.echo_at: int | None = None
         self.kernel_sends_sync = False
         self.kernel_periods = 0
-        self._kernel_sync_at = 0
+        self._kernel_sync_at = self._counted = self._counting_since = 0
         self._network = network
         self._period = settings.period_ns
         self._strict = bool(settings.window_us)  # nothing after the SYNC window counts
@@ -71,7 +75,7 @@ class Reception:
     def follow_kernel(self, follow: bool) -> None:
         """Whether the kernel sends SYNC from now on."""
         self.kernel_sends_sync = follow
-        self._kernel_sync_at = self.kernel_periods = 0
+        self._kernel_sync_at = self.kernel_periods = self._counted = 0
 
     def take_kernel_periods(self) -> tuple[int, int]:
         """How many periods have begun since the last call, and the time of the last SYNC [ns]."""
@@ -214,6 +218,13 @@ class Reception:
         since = round((at - self._kernel_sync_at) / self._period) if self._kernel_sync_at else 1
         self.kernel_periods += max(1, since)
         self._kernel_sync_at = at
+        if not self._counted:
+            self._counting_since = at
+        self._counted += 1
+        if self._counted > _COUNTED:
+            if at - self._counting_since < _CROWDED * _COUNTED * self._period:
+                self._network.other_host.reveal("a SYNC (0x080) beside the kernel's")
+            self._counted = 0
         for channel in self.channels:
             if first:
                 channel.close_cycle()

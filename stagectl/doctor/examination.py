@@ -48,6 +48,10 @@ TOLERATED = 0.001
 PRIORITY = 50
 """That is asked for."""
 
+_USUAL = RealTimeSettings(priority=PRIORITY, freeze_gc=False)
+_PERIODS = (1e-3, 2e-3, 4e-3, 5e-3, 10e-3, 20e-3)
+"""SYNC periods that are proposed [s]."""
+
 
 def examine_scheduling() -> Finding:
     """Whether real-time scheduling and locked memory are granted."""
@@ -86,12 +90,37 @@ def examine_jitter(seconds: float) -> Finding:
     )  # fmt: skip
 
 
-def _lateness(seconds: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def jitter_warning(period: float, realtime: RealTimeSettings, seconds: float = 0.5) -> str | None:
+    """One line where this computer cannot keep a SYNC period by itself, with one that it can.
+
+    Args:
+        period: of SYNC [s].
+        realtime: that the run will ask for.
+        seconds: to measure for.
+    """
+    late = _lateness(seconds, realtime)
+
+    def keeps(one: float) -> bool:
+        return bool(np.count_nonzero(late > LATE * one) <= TOLERATED * len(late))
+
+    if keeps(period):
+        return None
+    longer = next((one for one in _PERIODS if one > period and keeps(one)), None)
+    proposed = "none up to 20 ms" if longer is None else f"bus.sync_period: {longer * 1e3:g} ms"
+    return (
+        f"this computer wakes up to {late.max() * 1e3:.2g} ms late, more than half of the SYNC "
+        f"period of {period * 1e3:g} ms: it could keep {proposed} (stagectl doctor says more)"
+    )
+
+
+def _lateness(
+    seconds: float, realtime: RealTimeSettings = _USUAL
+) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """Of each waking [s]."""
     late = np.zeros(max(round(seconds / PERIOD), 1))
 
     def wake() -> None:
-        asked = RealTime(RealTimeSettings(priority=PRIORITY, freeze_gc=False))
+        asked = RealTime(realtime)
         asked.begin()
         due = time.perf_counter()
         for k in range(len(late)):

@@ -145,6 +145,19 @@ def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scrip
     assert reception.take_kernel_periods()[0] == 0
 
 
+@pytest.mark.parametrize(("second", "found"), [(None, False), (1, True), (3, True)])
+def test_a_second_sync_beside_the_kernels_is_another_host(make, network, scripted, second, found):
+    """Every so many periods; the kernel's may be held up for 0.7 periods at any time."""
+    reception, begin = make(stamped=True), scripted.clock.now
+    reception.follow_kernel(True)
+    for n in range(250):
+        deliver(scripted, 0x80, b"", begin + n * MS + (n % 2) * 7 * MS // 10)
+        if second is not None and n % second == 0:
+            deliver(scripted, 0x80, b"", begin + n * MS + 8 * MS // 10)
+    reception.drain(scripted.recv)
+    assert network.other_host.found == ("a SYNC (0x080) beside the kernel's" if found else None)
+
+
 def test_the_kernels_next_sync_ends_the_wait(make, scripted):
     reception, begin = make(stamped=True), scripted.clock.now
     reception.follow_kernel(True)

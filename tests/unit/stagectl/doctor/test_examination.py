@@ -3,10 +3,13 @@
 import json
 import re
 
+import numpy as np
+import pytest
 from click.testing import CliRunner
 
+from drivers.settings import RealTimeSettings
 from stagectl.cli.doctor import command
-from stagectl.doctor import NAMES
+from stagectl.doctor import NAMES, examination, jitter_warning
 from stagectl.doctor.examination import LATE, PERIOD, TOLERATED, examine_jitter, examine_scheduling
 from stagectl.errors import StagectlError
 
@@ -20,6 +23,23 @@ def test_jitter_is_of_as_many_periods_as_fit_and_its_verdict_follows_from_it():
     assert bool(found.remedy) is (late > 0)
     worst = float(re.search(r"([\d-]+) µs \(worst", found.found)[1])
     assert (worst > LATE * PERIOD * 1e6 - 1.0) or late == 0
+
+
+@pytest.mark.parametrize(
+    ("late", "said"),
+    [
+        (0.1e-3, None),
+        (0.9e-3, "bus.sync_period: 2 ms"),
+        (1.5e-3, "bus.sync_period: 4 ms"),
+        (1.0, "none up to"),
+    ],
+)
+def test_a_period_that_this_computer_cannot_keep_is_told_with_one_that_it_can(
+    monkeypatch, late, said
+):
+    monkeypatch.setattr(examination, "_lateness", lambda *_: np.full(100, late))
+    line = jitter_warning(1e-3, RealTimeSettings())
+    assert line is None if said is None else said in line
 
 
 def test_what_is_not_granted_has_a_remedy():
