@@ -92,4 +92,5 @@ class Boot:
             axis.configure(self._settings)
         for channel in self._cycle.channels:
             channel.use_mappings()
+        self._cycle.sync.use_ids()
         self._network.service(self._network.clock.now_ns())

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from struct import Struct
 
 from drivers.canopen.remote_objects import RemoteObjects
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, RefusedError
 from drivers.objects import ObjectRef, Quantity
 
 RPDO, TPDO = 0x1400, 0x1800
@@ -20,6 +20,7 @@ RPDO, TPDO = 0x1400, 0x1800
 INVALID = 1 << 31
 """COB-ID bit 31: the PDO is not valid."""
 NO_RTR = 1 << 30
+_CAN_ID = 0x7FF
 
 # CiA 301 data type -> (struct code, bits)
 _TYPES: dict[int, tuple[str, int]] = {
@@ -108,7 +109,7 @@ def disable_pdo(node: RemoteObjects, index: int) -> None:
         node.write(ref, value | INVALID)
 
 
-def configure_pdo(node: RemoteObjects, index: int, cob_id: int, mapping: PdoMapping) -> None:
+def configure_pdo(node: RemoteObjects, index: int, cob_id: int, mapping: PdoMapping) -> int:
     """Maps a PDO, makes it synchronous and valid, and reads everything back.
 
     Args:
@@ -116,6 +117,9 @@ def configure_pdo(node: RemoteObjects, index: int, cob_id: int, mapping: PdoMapp
         index: of its communication record; that of its mapping is 0x200 higher.
         cob_id: CAN-ID.
         mapping: its objects.
+
+    Returns:
+        Its CAN-ID: another one than asked for where the node has it fixed.
 
     Raises:
         ConfigurationError: the node holds a value other than the one written.
@@ -137,12 +141,21 @@ def configure_pdo(node: RemoteObjects, index: int, cob_id: int, mapping: PdoMapp
         expected.append((ref, entry.entry))
     node.write(count, len(mapping.entries))
     node.write(kind, SYNCHRONOUS)
-    node.write(cob, base | INVALID)
+    own = current & ~INVALID
+    try:
+        node.write(cob, base | INVALID)
+    except RefusedError:
+        if not current & _CAN_ID:
+            raise
+        base = own
     node.write(cob, base)
     expected += [(count, len(mapping.entries)), (kind, SYNCHRONOUS), (cob, base)]
     for ref, value in expected:
         held = node.read(ref)
+        if ref == cob and held == own and own & _CAN_ID:
+            return own & _CAN_ID
         if held != value:
             raise ConfigurationError(
                 f"wrote 0x{value:X}, the drive holds 0x{held:X}", axis=node.name, obj=ref
             )
+    return base & _CAN_ID

@@ -11,6 +11,7 @@ import can
 
 from drivers.canopen import MonotonicClock, Network, stamps_of
 from drivers.cyclic.channel import Channel
+from drivers.errors import ConfigurationError
 from drivers.objects import SYNC_ID
 from drivers.settings import BusSettings
 
@@ -59,6 +60,16 @@ class Reception:
         self._by_id = {c.axis.tpdo_id: c for c in channels}
         self._now_ns = network.clock.now_ns
         self.arrival_of = stamps_of(network.bus)
+
+    def use_ids(self) -> None:
+        """Takes over the CAN-IDs of the axes' TPDOs.
+
+        Raises:
+            ConfigurationError: two axes have the same one.
+        """
+        self._by_id = {c.axis.tpdo_id: c for c in self.channels}
+        if len(self._by_id) < len(self.channels):
+            raise ConfigurationError("two axes have the same TPDO CAN-ID", axis=None)
 
     @property
     def lacks_stamps(self) -> bool:

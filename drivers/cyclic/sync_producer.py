@@ -82,6 +82,19 @@ class Exchange:
         network.own_ids |= self._setpoint_ids
         network.other_host.ids |= self._setpoint_ids
 
+    def use_ids(self) -> None:
+        """Takes over the CAN-IDs of the axes' process data, which drives may have fixed.
+
+        Raises:
+            ConfigurationError: two axes have the same one.
+        """
+        self.reception.use_ids()
+        self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
+        if len(self._setpoint_ids) < len(self.channels):
+            raise ConfigurationError("two axes have the same RPDO CAN-ID", axis=None)
+        self._network.own_ids |= self._setpoint_ids
+        self._network.other_host.ids |= self._setpoint_ids
+
     def stalled_periods(self, within_ns: int) -> int:
         """Periods skipped by the last stall, if it ended within `within_ns`; else 0."""
         when, periods = self._stall

@@ -11,7 +11,7 @@ from collections.abc import Collection
 
 from drivers import objects as od
 from drivers.canopen import RPDO, TPDO, Network, Node, PdoMapping, configure_pdo, disable_pdo
-from drivers.canopen.pdo import MappedObject
+from drivers.canopen.pdo import MappedObject, pdo_label
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import MODE_NAMES, Mode
 from drivers.drive.host_loss import watch_host
@@ -139,7 +139,7 @@ class Axis:
         self.add_limitation(*check_units(node, axis))
         self._find_csp()
         self._set_up_sync(bus.sync_counter)
-        node.write_optional(od.CYCLE_PERIOD, counts(axis, od.CYCLE_PERIOD, bus.sync_period))
+        self._set_cycle_period(counts(axis, od.CYCLE_PERIOD, bus.sync_period))
         window = counts(axis, od.SYNC_WINDOW, bus.sync_window)
         if not node.write_optional(od.SYNC_WINDOW, window) and window:
             self.add_limitation(
@@ -171,15 +171,32 @@ class Axis:
                 self._configure_pdo(index)
 
     def _configure_pdo(self, index: int) -> None:
+        """Configures a PDO; follows its CAN-ID where the drive has that fixed."""
         if index == RPDO:
-            configure_pdo(self.node, index, self.rpdo_id, self.rpdo)
+            asked = self.rpdo_id
+            self.rpdo_id = found = configure_pdo(self.node, index, asked, self.rpdo)
         else:
-            configure_pdo(self.node, index, self.tpdo_id, self.tpdo)
+            asked = self.tpdo_id
+            self.tpdo_id = found = configure_pdo(self.node, index, asked, self.tpdo)
+        if found != asked:
+            self.add_limitation(
+                f"{pdo_label(index)} keeps its CAN-ID 0x{found:03X}, not 0x{asked:03X}"
+            )
 
     def _unmapped(self) -> set[ObjectRef]:
         """Optional objects that the present mappings lack."""
         mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
         return set(_WITHOUT) - mapped
+
+    def _set_cycle_period(self, wanted: int) -> None:
+        """Writes 0x1006 [us]; a drive that keeps 0 does not use it, and one may round it by 1 %."""
+        result = self.node.write_if_accepted(od.CYCLE_PERIOD, wanted)
+        held, refusal = result or (wanted, None)
+        if held and abs(held - wanted) > parameters.ROUNDING * wanted:
+            raise self.node.mismatch(od.CYCLE_PERIOD, wanted, held, refusal)
+        if held != wanted:
+            why = "the drive rounds it" if held else "the drive does not watch SYNC by it"
+            self.add_limitation(f"{od.CYCLE_PERIOD} is {held} us, not {wanted} us: {why}")
 
     def _set_interpolation(self, period_us: int) -> None:
         """Writes 0x60C2, in the notation that the drive takes: 10 ms are 1 * 10^-2 or 10 * 10^-3.
@@ -302,9 +319,9 @@ class Axis:
                     f"the machine file's modes leave out {MODE_NAMES[mode]}", axis=self.name
                 )
             return
-        if not self.node.offers(od.SUPPORTED_MODES):
+        modes = self.node.read_if_offered(od.SUPPORTED_MODES)
+        if modes is None:
             return
-        modes = self.node.read(od.SUPPORTED_MODES)
         if not modes >> (mode - 1) & 1:
             raise ConfigurationError(
                 f"0x{modes:08X}: the drive does not offer {MODE_NAMES[mode]} mode (if it does, "

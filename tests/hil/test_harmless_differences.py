@@ -110,6 +110,41 @@ def test_a_drive_that_differs_harmlessly_moves_and_is_told_of(opened, alter, tol
     assert all(f.startswith(t) for f, t in zip(found, told, strict=True)), found
 
 
+@pytest.mark.parametrize("refuses", [True, False], ids=["refused", "kept"])
+def test_can_ids_that_a_drive_has_fixed_are_followed(opened, refuses):
+    def alter(drive):
+        for place, can_id in ((key(0x1400, 1), 0x2A1), (key(0x1800, 1), 0x1A1)):
+            drive.dictionary._defaults[place] = can_id  # noqa: SLF001  as in its EDS
+            drive.dictionary.values[place] = can_id
+            if refuses:
+                refusing(drive, place, RANGE, lambda value, own=can_id: value & 0x7FF == own)
+        if not refuses:
+            store = drive.dictionary.set_data
+
+            def keep(index, subindex, data, *rest, **how):
+                if (index, subindex) in ((0x1400, 1), (0x1800, 1)):
+                    own = 0x2A1 if index == 0x1400 else 0x1A1
+                    flags = int.from_bytes(data, "little") & ~0x7FF
+                    data = (flags | own).to_bytes(4, "little")
+                store(index, subindex, data, *rest, **how)
+
+            drive.dictionary.set_data = keep
+
+    stage, _ = opened(alter)
+    assert moved(stage) == (
+        "axis x: RPDO 1 keeps its CAN-ID 0x2A1, not 0x201",
+        "axis x: TPDO 1 keeps its CAN-ID 0x1A1, not 0x181",
+    )
+
+
+def test_a_drive_that_does_not_use_the_cycle_period_is_told_of(opened):
+    stage, _ = opened(lambda drive: fixed(drive, (key(0x1006), 0)))
+    assert moved(stage) == (
+        "axis x: 0x1006:00 communication cycle period is 0 us, not 1000 us: the drive does not "
+        "watch SYNC by it",
+    )
+
+
 def test_ten_milliseconds_are_written_as_the_drive_takes_them(opened):
     stage, drive = opened(only_ten_thousandths, bus={"sync_period": 10e-3})
     stage.boot()
@@ -146,8 +181,9 @@ def test_wrong_modes_of_a_drive_are_corrected_by_the_machine_file(opened, stage_
         drive.dictionary.values[key(0x6502)] = 0x225  # pp, pv, hm, cst
 
     stage, _ = opened(maxon)
+    stage.boot()
     with pytest.raises(ConfigurationError, match=r"^axis x: 0x6502:00 .*state its modes"):
-        power_up(stage)
+        stage.require_csp()
     modes = "modes: [pp, hm, csp]\n      rated_force: 40.0"
     text = stage_machine.text.replace("rated_force: 40.0", modes)
     stage, _ = opened(maxon, parse_machine(text, "modes.yaml"))
