@@ -13,7 +13,7 @@ from drivers import objects as od
 from drivers.canopen import RPDO, TPDO, Network, Node, PdoMapping, configure_pdo, disable_pdo
 from drivers.canopen.pdo import MappedObject, pdo_label
 from drivers.drive import dcf, parameters
-from drivers.drive.cia402 import MODE_NAMES, Mode
+from drivers.drive.cia402 import MODE_NAMES, Mode, State, decode
 from drivers.drive.host_loss import watch_host
 from drivers.drive.scaling import counts, unit
 from drivers.drive.units import check_units
@@ -342,14 +342,33 @@ class Axis:
                     f"is not offered: {MODE_NAMES[mode]} mode needs it", axis=self.name, obj=ref
                 )
 
-    def set_mode(self, mode: Mode) -> None:
+    def set_mode(self, mode: Mode) -> bool:
         """Writes the mode of operation and waits until the drive displays it (0x6061).
+
+        Returns:
+            False where a drive without power keeps the mode in 0x6060 but displays none: it may
+            display modes when enabled only, to be confirmed by `confirm_mode`.
 
         Raises:
             AxisFault: another mode is displayed after `MODE_TIMEOUT`.
         """
         self.node.write(od.MODE, mode)
         self.mode = mode
+        try:
+            self.confirm_mode(mode)
+        except AxisFault:
+            enabled = decode(self.node.read(od.STATUSWORD)) is State.OPERATION_ENABLED
+            if enabled or self.node.read(od.MODE_DISPLAY) or self.node.read(od.MODE) != mode:
+                raise
+            return False
+        return True
+
+    def confirm_mode(self, mode: Mode) -> None:
+        """Waits until the drive displays the mode.
+
+        Raises:
+            AxisFault: another mode is displayed after `MODE_TIMEOUT`.
+        """
         deadline = self._network.clock.now_ns() + round(MODE_TIMEOUT * 1e9)
         while (shown := self.node.read(od.MODE_DISPLAY)) != mode:
             if self._network.clock.now_ns() >= deadline:

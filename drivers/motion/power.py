@@ -56,6 +56,7 @@ class Power:
     def __init__(self, cycle: Cycle) -> None:
         self.mode: Mode | None = None
         self.unconfirmed: set[str] = set()
+        self._unshown: list[Channel] = []
         self.channels = cycle.channels
         self._cycle, self._period = cycle, cycle.period
 
@@ -67,8 +68,7 @@ class Power:
     def set_mode(self, mode: Mode) -> None:
         """Sets the mode of operation of all axes by SDO and waits for it."""
         self._map_targets(mode)
-        for channel in self.channels:
-            channel.axis.set_mode(mode)
+        self._unshown = [c for c in self.channels if not c.axis.set_mode(mode)]
         self.mode = mode
 
     def _map_targets(self, mode: Mode) -> None:
@@ -101,6 +101,11 @@ class Power:
         wait_for_rest(self._cycle, RINGING_TIMEOUT)
         self.set_mode(mode)
         self.go(State.OPERATION_ENABLED, chosen)
+        unshown, self._unshown = [c for c in self._unshown if c in chosen], []
+        for channel in unshown:  # before anything moves
+            channel.axis.confirm_mode(mode)
+        if unshown:
+            self._cycle.sync.resume()
 
     def change_over(self, mode: Mode, channels: Sequence[Channel]) -> bool:
         """Changes the mode of operation under power and without a jump, where possible.

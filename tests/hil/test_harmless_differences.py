@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.errors import ConfigurationError
+from drivers.errors import AxisFault, ConfigurationError
 from hil_sim.cia301 import key
+from hil_sim.cia402 import State
 from stagectl.config import parse_machine
 from tests.lockstep import open_on, power_up, switch_on
 
@@ -143,6 +144,28 @@ def test_a_drive_that_does_not_use_the_cycle_period_is_told_of(opened):
         "axis x: 0x1006:00 communication cycle period is 0 us, not 1000 us: the drive does not "
         "watch SYNC by it",
     )
+
+
+@pytest.mark.parametrize("ever", [True, False])
+def test_a_mode_that_is_displayed_only_when_enabled_is_confirmed_then(opened, ever):
+    def alter(drive):
+        shown = drive.dictionary.live.get(key(0x6061))
+        values = drive.dictionary.values
+
+        def display():
+            if not ever or drive.motion.state is not State.ENABLED:
+                return 0
+            return values[key(0x6061)] if shown is None else shown()
+
+        drive.dictionary.live[key(0x6061)] = display
+
+    stage, drive = opened(alter)
+    if ever:
+        assert moved(stage) == ()
+        return
+    with pytest.raises(AxisFault, match=r"^axis x: 0x6061:00 .*shows mode 0 5 s after mode 6"):
+        power_up(stage)
+    assert drive.motion.state is State.SWITCH_ON_DISABLED
 
 
 def test_ten_milliseconds_are_written_as_the_drive_takes_them(opened):
