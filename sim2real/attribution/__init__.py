@@ -15,6 +15,7 @@ from sim2real.attribution.axis_search import drop_invisible as drop_invisible
 from sim2real.attribution.axis_search import measure_closed as measure_closed
 from sim2real.attribution.causes import find_causes as find_causes
 from sim2real.attribution.causes import list_candidates as list_candidates
+from sim2real.attribution.search import factor_instead as factor_instead
 from sim2real.attribution.search import search_effects as search_effects
 from sim2real.attribution.similarity import Pairs as Pairs
 from sim2real.attribution.similarity import signature_similarity as signature_similarity

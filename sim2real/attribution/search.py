@@ -289,17 +289,10 @@ class _Selection:
         By itself such a factor is the same as all of these by its inverse. Selection takes the mass
         first, and no exchange of one effect for another leads back.
         """
-        problem, ranking = self._problem, self._ranking
-        terms = {term.name: term for term in current.model.terms}
-        scaled = {name for name in SCALED if name in terms}
-        if FACTOR in terms or FACTOR not in self._library:
+        ranking = self._ranking
+        start = factor_instead(current.model, self._problem.axis, self._library)
+        if start is None or len(current.model.terms) - len(start.terms) < FEWEST_SCALED - 1:
             return current
-        if MASS not in scaled or len(scaled) < FEWEST_SCALED:
-            return current
-        mass = problem.axis.mass
-        factor = Term(self._library[FACTOR], (mass / (mass + terms[MASS].values[0]),))
-        kept = tuple(term for term in current.model.terms if term.name not in scaled)
-        start = AxisModel(problem.start.base, (*kept, factor))
         last, _ = self.look_forward(ranking.refine(ranking.fit([start], 5)))
         last, current = ranking.reweigh(last.model), ranking.best(current.model.names())
         fewer = len(current.model.terms) - len(last.model.terms)
@@ -316,6 +309,21 @@ class _Selection:
         behind = sorted((best(trial.model.names()) for trial in step.trials), key=score)
         terms = {a.model.terms[-1].name: a.model.terms[-1] for a in behind if score(a) < least}
         return [term for name, term in terms.items() if name != step.name][:RIVALS]
+
+
+def factor_instead(
+    model: AxisModel, axis: AxisSettings, library: Mapping[str, Effect]
+) -> AxisModel | None:
+    """A start with a factor on the force in the place of a mass, and of what else it scales.
+
+    None where the model has no mass, or that factor already.
+    """
+    terms = {term.name: term for term in model.terms}
+    if FACTOR in terms or FACTOR not in library or MASS not in terms:
+        return None
+    factor = Term(library[FACTOR], (axis.mass / (axis.mass + terms[MASS].values[0]),))
+    kept = tuple(term for term in model.terms if term.name not in SCALED)
+    return AxisModel(np.zeros_like(model.base), (*kept, factor))
 
 
 def without_effect(model: AxisModel, index: int, axis: AxisSettings) -> AxisModel:

@@ -22,6 +22,7 @@ from hil_sim.settings import StageSettings
 from sim2real.attribution import (
     AxisSearch,
     drop_invisible,
+    factor_instead,
     measure_closed,
     search_effects,
 )
@@ -29,11 +30,11 @@ from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage, implausibility
-from sim2real.free_loop import FreeLoop, fit_alone, search_free
+from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Rivals, Screen, find_rivals
-from sim2real.scoring.constants import ENOUGH, FITTED
+from sim2real.scoring.constants import ENOUGH, FITTED, LONG
 from sim2real.tracking import Tracker
 
 _LEAST_TOLERANCE = 1e-4
@@ -177,8 +178,15 @@ class _StageSearch:
         """Whether a curve explains nearly all of an axis, and better than these models."""
         rivals = self._rivals(name)
         unlisted = rivals.unlisted(name)
-        clear = bool(unlisted) and unlisted[0].gap_closed > ENOUGH
-        return clear and not rivals.leave_names(models)
+        if not unlisted or unlisted[0].gap_closed <= ENOUGH or rivals.leave_names(models):
+            return False
+        # The search takes mass, friction and stiffness before a factor on all of these.
+        started = (factor_instead(model, rivals.screen.loop.axis, self._all) for model in models)
+        start = next((s for s in started if s is not None), None)
+        loop = rivals.screen.loop
+        if start is None or not loop.allows(start):
+            return True
+        return not rivals.leave_names([fit_free(loop, start, LONG).model])
 
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""

@@ -7,6 +7,7 @@ where to start each effect, and `search` selects up to six, judged on held-out m
 """
 
 from sim2real.free_loop.fit import derivatives as derivatives
+from sim2real.free_loop.fit import fit_free as fit_free
 from sim2real.free_loop.fit import move_covariance as move_covariance
 from sim2real.free_loop.loop import FreeLoop as FreeLoop
 from sim2real.free_loop.search import FreeSearch as FreeSearch
