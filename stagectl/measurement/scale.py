@@ -1,6 +1,6 @@
 """Scale and sign of a drive's numbers, by a move of 0.1 mm: what it does against what was asked.
 
-A note beside the machine file keeps which axes were checked, and with which units; a run tells of
+A note beside the machine file keeps which axes were checked, and with which units; a run lists
 those that were not.
 """
 

@@ -1,4 +1,4 @@
-"""Drives that differ harmlessly: they are driven as they are, and what differs is told once."""
+"""Drives that differ harmlessly: they are driven as they are, and each difference is noted once."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def never_maps(*objects):
 
 
 @pytest.mark.parametrize(
-    ("alter", "told"),
+    ("alter", "notes"),
     [
         (
             lambda drive: fixed(drive, (key(0x6066), 0)),
@@ -103,12 +103,12 @@ def never_maps(*objects):
     ],
     ids=["no timeout", "rounded force", "no limits", "no offset", "no force", "two entries"],
 )
-def test_a_drive_that_differs_harmlessly_moves_and_is_told_of(opened, alter, told):
+def test_a_drive_that_differs_harmlessly_moves_with_a_note(opened, alter, notes):
     stage, _ = opened(alter)
-    told = [f"axis x: {line}" for line in told]
+    expected = [f"axis x: {line}" for line in notes]
     found = moved(stage)
-    assert len(found) == len(told), found
-    assert all(f.startswith(t) for f, t in zip(found, told, strict=True)), found
+    assert len(found) == len(expected), found
+    assert all(f.startswith(t) for f, t in zip(found, expected, strict=True)), found
 
 
 @pytest.mark.parametrize("refuses", [True, False], ids=["refused", "kept"])
@@ -138,7 +138,7 @@ def test_can_ids_that_a_drive_has_fixed_are_followed(opened, refuses):
     )
 
 
-def test_a_drive_that_does_not_use_the_cycle_period_is_told_of(opened):
+def test_a_drive_that_does_not_use_the_cycle_period_has_a_note(opened):
     stage, _ = opened(lambda drive: fixed(drive, (key(0x1006), 0)))
     assert moved(stage) == (
         "axis x: 0x1006:00 communication cycle period is 0 us, not 1000 us: the drive does not "
