@@ -215,7 +215,7 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
         figures.append((percent(report.gap_closed), meaning))
     if report.empirical and report.gap_closed_by_twin is not None:
         share = percent(report.gap_closed_by_twin)
-        figures.append((share, "of it by the twin, with what no effect explains"))
+        figures.append((share, "of the gap closed by the twin, with what no effect explains"))
     if report.gap_closed_elsewhere is not None:
         share = percent(report.gap_closed_elsewhere)
         figures.append((share, "closed on the recordings of --check"))
