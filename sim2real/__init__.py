@@ -12,6 +12,7 @@ The rooms, each importing only from those above it:
 - `dictionary`: where to start fitting each effect, to innovations or in the free loop
 - `free_loop`: up to six effects of an axis, fitted and judged in the free closed loop
 - `open_loop`: the force along a measured motion, for recordings without a demand
+- `rivals`: curves over one coordinate of the motion, which effects have to match to keep names
 - `attribution`: which effects explain the gap
 - `experiment`: the moves to record next
 - `diagnosis`: all of it in order, up to the verdict
