@@ -390,12 +390,6 @@ class EmpiricalForce:
             found.append(("cable_hysteresis", {"force": force, "stiffness": force / path}))
         return found
 
-    def coordinates(self) -> list[str]:
-        """What the force is over, in words."""
-        found = ["position", "direction", "velocity"]
-        found += ["motor force"] if self.motor_force else []
-        return found + (["the path since a reversal"] if self.path else [])
-
     def table(self) -> dict[str, tuple[float, ...]]:
         """Values of the effect `residual_table`."""
         return {

@@ -27,7 +27,7 @@ _TOLERANCE = 1e-4
 """Relative standard deviation of the plant's figures beside a description, which stay."""
 _OF_OTHERS = 0.5
 """Part of what is closed that moves of another kind may show where a recording has one kind: on
-EMPS 0.74 became 0.44."""
+EMPS 0.74 became 0.52 (docs/emps.md)."""
 _LITTLE = 0.02
 """Share of the gap that a description has to close beside the names."""
 
@@ -117,12 +117,11 @@ def share_promised(
 
 def are_alike(examined: Examination) -> bool:
     """Whether all moves are there and back between the same places at the same speed."""
-    recordings = [(m.recording, m.period) for m in examined.motions]
-    recordings = recordings or [(m.replay.recording, m.replay.period) for m in examined.measured]
-    return len(recordings) == 1 and all(
-        count_kinds_of_moves(recording, split_moves(recording, period)) < 2
-        for recording, period in recordings
-    )
+    if len(examined.measured) != 1:
+        return False
+    replay = examined.measured[0].replay
+    moves = split_moves(replay.recording, replay.period)
+    return count_kinds_of_moves(replay.recording, moves) < 2
 
 
 def only_causes(models: Models, causes: Sequence[Cause]) -> dict[str, AxisModel]:

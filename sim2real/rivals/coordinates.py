@@ -25,6 +25,8 @@ _PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
 _MOST_PLACES = 800
 _SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
 """Nodes over velocity, acceleration and force on each side of zero, in shares of the largest."""
+_OTHER_SIDE = 1e-3
+"""Least reach of the nodes on one side of zero, as a share of that on the other."""
 _PATHS = (2e-5, 1e-4, 4e-4, 1.5e-3, 5e-3, 1.5e-2, 5e-2)
 """Widths of stop operators [m]."""
 _TIMES, _SPAN = 24, 0.25
@@ -151,8 +153,10 @@ def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
     if coordinate.along in ("position", "other_position"):
         count = round((high - low) / coordinate.step) + 1
         return np.linspace(low, high, min(max(4, count), _MOST_PLACES))
+    # Nodes differ from each other on a side that nothing reaches, too.
+    low, high = min(low, -_OTHER_SIDE * high), max(high, -_OTHER_SIDE * low)
     side = np.array(_SPEEDS)
-    return np.concatenate((min(low, 0.0) * side[::-1], [0.0], max(high, 0.0) * side))
+    return np.concatenate((low * side[::-1], [0.0], high * side))
 
 
 def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:

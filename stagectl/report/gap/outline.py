@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from sim2real.findings import SHOWN_AS, Cause, FigureChange, GapFigures, GapReport, Unlisted
+from sim2real.findings import (
+    SHOWN_AS,
+    Cause,
+    EmpiricalForce,
+    FigureChange,
+    GapFigures,
+    GapReport,
+    Unlisted,
+)
 from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
 from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
 from stagectl.report.outline import Fact, Outline, Section, Table
@@ -278,13 +286,20 @@ def _steps(report: GapReport) -> Section:
 def _empirical(report: GapReport) -> Section:
     facts = tuple(
         Fact(
-            f"{f.axis}: a smooth force over {', '.join(f.coordinates())} closes "
+            f"{f.axis}: a smooth force over {_described_over(f)} closes "
             f"{percent(f.gap_closed)} of what is left on held-out strokes; it describes the gap "
             "but names no cause"
         )
         for f in report.empirical
     )
     return Section("What no effect explains", facts, label="empirical")
+
+
+def _described_over(force: EmpiricalForce) -> str:
+    over = ["position", "direction", "velocity"]
+    over += ["motor force"] if force.motor_force else []
+    over += ["the path since a reversal"] if force.path else []
+    return listed(over)
 
 
 def _changed(change: FigureChange) -> Fact:
