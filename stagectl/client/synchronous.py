@@ -80,7 +80,7 @@ class Client:
         self._commands.send(data)
         deadline = time.monotonic() + timeout
         while (left := deadline - time.monotonic()) > 0:
-            if self._commands.poll(left * 1e3):
+            if self._commands.poll(round(left * 1e3) + 1):
                 answered, result = self._talk.answer(self._commands.recv())
                 if answered == number:
                     return result
@@ -161,7 +161,7 @@ class Client:
             socket.subscribe(topic)
         socket.connect(Endpoint.url(self._where.events))
         try:
-            while socket.poll(None if timeout is None else timeout * 1e3):
+            while socket.poll(None if timeout is None else round(timeout * 1e3)):
                 yield read_published(*socket.recv_multipart())
         finally:
             socket.close()

@@ -60,10 +60,9 @@ def runtime_folder() -> Path:
         return Path(given)
     if runtime := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(runtime) / "stagectl"
-    own = Path(f"/run/stagectl-{os.getuid()}")
-    return (
-        own if own.is_dir() or os.access("/run", os.W_OK) else Path(f"/tmp/stagectl-{os.getuid()}")
-    )  # noqa: S108
+    name = f"stagectl-{os.getuid()}"
+    own = Path("/run") / name
+    return own if own.is_dir() or os.access("/run", os.W_OK) else Path("/tmp") / name  # noqa: S108
 
 
 def endpoint(name: str, folder: Path | None = None) -> Endpoint:

@@ -66,7 +66,7 @@ class Disable(Message):
 
 
 class Home(Message):
-    """Home all axes that are not homed, with `force` all; they are held afterwards. Answer: a job."""
+    """Home all axes not homed yet, with `force` all; they are held afterwards. Answer: a job."""
 
     op: Literal["home"] = "home"
     force: bool = False
@@ -74,7 +74,7 @@ class Home(Message):
 
 
 class Move(Message):
-    """Move one axis by the drive's own profile, to `position` or by `distance` [m]. Answer: a job."""
+    """Move an axis by the drive's own profile, to `position` or by `distance` [m]. Answer: a job."""
 
     op: Literal["move"] = "move"
     axis: Name
@@ -195,7 +195,7 @@ class Abort(Message):
 
 
 class CheckRecipe(Message):
-    """Check a recipe without running it. Answer: its plan, as of `stagectl run --dry-run --json`."""
+    """Check a recipe without running it. Answer: its plan, as of `run --dry-run --json`."""
 
     op: Literal["check_recipe"] = "check_recipe"
     recipe: Annotated[str, Field(max_length=MOST_RECIPE)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from pydantic import Field
+
 from stagectl.protocol.message import Message
 
 Doing = Literal[
@@ -226,7 +228,7 @@ class Notice(Message):
     time: float
     kind: str
     text: str
-    data: dict[str, Any] = {}
+    data: dict[str, Any] = Field(default_factory=dict)
 
 
 class Refusal(Message):
