@@ -50,6 +50,8 @@ class Stage:
         axes: one `Axis` per settings, in the order of all array columns.
         clock: of the bus: virtual on the lock-step bus, else monotonic.
         sink: called with the `Sample` of every SYNC of a csp stream, before it is evaluated.
+        interrupt: called about every 25 ms while a method uses the bus; what it raises ends the
+            method, and stops axes that are enabled.
     """
 
     def __init__(
@@ -61,11 +63,13 @@ class Stage:
     ) -> None:
         """Takes an open bus, which the caller closes; applications use `open`."""
         self.sink: Sink | None = None
+        self.interrupt: Callable[[], object] | None = None
         self.settings = bus
         self._owned = ExitStack()
         self._open = True
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
+        self._network.watchers.append(self._interrupted)
         self.clock = self._network.clock
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
         self._cycle = cycle = Cycle(self._network, self.axes, bus)
@@ -76,6 +80,19 @@ class Stage:
         self._homing = Homing(cycle, power, stopping)
         self._cyclic = CyclicModes(cycle, power, stopping, real_time)
         self._pp = ProfilePosition(cycle, power, stopping, self._cyclic.enter_csp)
+
+    def _interrupted(self, _: int) -> None:
+        if self.interrupt is not None:
+            self.interrupt()
+
+    @property
+    def tap(self) -> Tap | None:
+        """Called with every frame sent or received, as in `open`."""
+        return self._network.tap
+
+    @tap.setter
+    def tap(self, tap: Tap | None) -> None:
+        self._network.tap = tap
 
     @property
     def ending(self) -> bool:
@@ -134,6 +151,11 @@ class Stage:
     def positions(self) -> tuple[float, ...]:
         """Actual positions of the last sample [m]."""
         return tuple(c.position * c.axis.increment for c in self._cycle.channels)
+
+    @property
+    def statuswords(self) -> tuple[int | None, ...]:
+        """Statuswords (0x6041) of the last sample; None before the first."""
+        return tuple(c.statusword if c.seen else None for c in self._cycle.channels)
 
     @property
     def forces(self) -> tuple[float, ...]:
@@ -307,6 +329,22 @@ class Stage:
         with self._stopping.on_failure():
             self._network.pump(duration)
             self._cycle.check_alarms()
+
+    @_exclusive
+    def watch(self, duration: float, checked: bool = True) -> None:
+        """As `idle`, with SYNC, so that positions are seen: of a booted stage without power.
+
+        Args:
+            duration: in time of the bus [s].
+            checked: whether alarms and missing process data are raised.
+
+        Raises:
+            AxisFault: an axis raises an alarm, or sends no process data.
+            BusError: the bus fails.
+        """
+        with self._stopping.on_failure():
+            for _ in self._cycle.cycles(duration, checked):
+                pass
 
     @_exclusive
     def safe_stop(self) -> None:

@@ -5,5 +5,6 @@ from drivers.cyclic.cycle import Cycle as Cycle
 from drivers.cyclic.cycle import Until as Until
 from drivers.cyclic.realtime import RealTime as RealTime
 from drivers.cyclic.rows import OffsetCorrection as OffsetCorrection
+from drivers.cyclic.samples import Sample as Sample
 from drivers.cyclic.samples import Sink as Sink
 from drivers.cyclic.samples import decode_rows as decode_rows

@@ -17,6 +17,7 @@ from stagectl.cli.lazy import LazyGroup
 
 COMMANDS = {
     "run": ("stagectl.cli.run", "Run a recipe on the stage or on its simulation."),
+    "serve": ("stagectl.cli.serve", "Own the stage and serve clients."),
     "sim": ("stagectl.cli.sim", "Serve virtual drives on a CAN bus in real time."),
     "scan": ("stagectl.cli.scan", "List the nodes on the bus."),
     "status": ("stagectl.cli.status", "Show state, position, force and errors of the axes."),

@@ -74,7 +74,7 @@ class Home(Message):
 
 
 class Move(Message):
-    """Move an axis by the drive's own profile, to `position` or by `distance` [m]. Answer: a job."""
+    """Move an axis by the drive's own profile, to `position` or by `distance` [m]; a job."""
 
     op: Literal["move"] = "move"
     axis: Name
@@ -203,7 +203,7 @@ class CheckRecipe(Message):
 
 
 class ReadObject(Message):
-    """Read an object of an axis' drive by SDO. Answer: `{"data": bytes}`."""
+    """Read an object of an axis' drive by SDO. Answer: `{"value": ...}`."""
 
     op: Literal["read_object"] = "read_object"
     axis: Name
@@ -218,7 +218,12 @@ class WriteObject(Message):
     axis: Name
     index: Annotated[int, Field(ge=0, le=0xFFFF)]
     subindex: Annotated[int, Field(ge=0, le=0xFF)] = 0
-    data: Annotated[bytes, Field(max_length=4096)]
+    value: (
+        int
+        | Finite
+        | Annotated[str, Field(max_length=4096)]
+        | Annotated[bytes, Field(max_length=4096)]
+    )
 
 
 class Acknowledge(Message):

@@ -35,6 +35,7 @@ class ServerInfo(Message):
         bus: as `--bus` has it.
         simulated: on virtual drives.
         period: of SYNC [s].
+        control_period: of the drives' position loops [s].
         hold_limit: how long axes stay held while nothing is asked for [s].
         pause_limit: how long a run may be paused [s].
         data: folder of runs and queue.
@@ -50,6 +51,7 @@ class ServerInfo(Message):
     pid: int
     started: str
     period: float
+    control_period: float
     hold_limit: float
     pause_limit: float
     data: str
@@ -81,6 +83,14 @@ class AxisState(Message):
     inputs: int | None = None
 
 
+class RunLimits(Message):
+    """Limits of a recipe: settling time [s], peak error [m] (None: none), settle window [m]."""
+
+    settling: float | None
+    peak_error: float | None
+    window: float
+
+
 class RunState(Message):
     """The run under way.
 
@@ -94,6 +104,7 @@ class RunState(Message):
         moves, moves_of: begun moves, and how many the plan has.
         elapsed, left: time since its first move and estimated until its end [s]; None if unknown.
         paused_since: [s since 1970], or None.
+        limits: of the recipe; None while it is prepared.
     """
 
     entry: int
@@ -109,6 +120,7 @@ class RunState(Message):
     elapsed: float | None
     left: float | None
     paused_since: float | None
+    limits: RunLimits | None = None
 
 
 class QueueEntry(Message):

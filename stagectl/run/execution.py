@@ -28,6 +28,7 @@ from stagectl.measurement import (
     measure_virtual_stage,
     response_path,
 )
+from stagectl.run.access import OwnStage
 from stagectl.run.checks import Checked, Substitutes, check, is_mapped, stage_key
 from stagectl.run.compilation import compiled_by_two
 from stagectl.run.listener import Listener
@@ -71,7 +72,8 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
         with _open_bus(used, substitutes) as opened:
             _prepare_files(request, listener)
             session = Session(request, listener, found, compensation, substitutes)
-            return session.run(used, opened, injected)
+            session.operate(OwnStage(used, found.axes, opened), injected)
+            return session.finish()
 
 
 @contextmanager
@@ -121,6 +123,19 @@ def _open_bus(
         return nullcontext(substitutes.bus)
     with unusable(BusOpenError):
         return open_bus(bus)
+
+
+def make_session(request: RunRequest, listener: Listener) -> Session:
+    """A run's session on a stage that is kept ready, prepared up to its journal.
+
+    Raises:
+        ConfigError, UnusableInput, StagectlError: as `prepare`, or the folder or the history cannot
+            be used.
+    """
+    file_earlier_runs(request, listener.phase)
+    found, compensation = prepare(request, listener.phase)
+    _prepare_files(request, listener)
+    return Session(request, listener, found, compensation, None)
 
 
 def _prepare_files(request: RunRequest, listener: Listener) -> None:

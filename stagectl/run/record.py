@@ -99,6 +99,7 @@ class RunRecord:
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
         self.wall_time = 0.0
+        self._unwritten: str | None = None
         self._notices: list[str] = []
         self._first_update: dict[str, int] = {}
         self._moves = 0
@@ -200,13 +201,12 @@ class RunRecord:
                 self._notices.append(notice)
                 self.journal.event("limitation", text=notice)
 
-    def finish(self, error: StagectlError | None) -> RunResult:
-        """Make recording, summary and report of the journal.
+    def end(self, error: StagectlError | None) -> None:
+        """Close journal and history: all that the files are made of.
 
         Args:
             error: that ended the run early, or None.
         """
-        request, machine = self._request, self._request.machine
         outcome = (
             "completed" if error is None else "aborted" if isinstance(error, Aborted) else "fault"
         )
@@ -214,14 +214,18 @@ class RunRecord:
         reason = None if error is None else str(error)
         self.journal.event("end", wall_time=self.wall_time, reason=reason)
         self.journal.note_outcome(outcome, fault)
-        notices = self._notices
         self._history.end(outcome, fault)
-        unwritten = self._history.unwritten(request.folder)
-        if unwritten is not None:
-            notices.append(unwritten)
+        self._unwritten = self._history.unwritten(self._request.folder)
+        if self._unwritten is not None:
+            self._notices.append(self._unwritten)
             filed, made = self._history.filed, self._history.made
             self.journal.event("unfiled", filed=filed, estimates=made)
         self.journal.close()
+
+    def finish(self, error: StagectlError | None) -> RunResult:
+        """`end`, then make recording, summary and report of the journal."""
+        self.end(error)
+        request, machine, notices = self._request, self._request.machine, self._notices
         content = recover_journal(self.journal.path, overwrite=True).content
         assert content is not None  # noqa: S101  the journal has its header
         notices += [] if content.problem is None else [content.problem]
@@ -240,7 +244,7 @@ class RunRecord:
             dict(self._first_update),
             site_verdicts(summary),
             tuple(notices),
-            unwritten,
+            self._unwritten,
         )
 
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:

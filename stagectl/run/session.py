@@ -6,12 +6,11 @@ Whatever happens on the way, the stage ends disabled, and what was measured beco
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-
-import can
+from collections.abc import Sequence
 
 from drivers import AxisFault, DriverError, Stage
-from drivers.settings import AxisSettings, BusSettings
+from drivers.cyclic import Sample, Sink
+from drivers.settings import AxisSettings
 from estimation.trajectory import Limits
 from hil_sim.bus import InjectedFault
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
@@ -19,6 +18,7 @@ from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.measurement import never_checked
 from stagectl.recipe import plan_from
+from stagectl.run.access import StageAccess
 from stagectl.run.checks import Checked, Substitutes
 from stagectl.run.listener import Listener
 from stagectl.run.observer_findings import keep_out, read_out
@@ -70,6 +70,7 @@ class Session:
                 out=self._out_since_before(),
             )
         self._stage: Stage | None = None
+        self._log: BusLog | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
         self._over = False
@@ -97,69 +98,69 @@ class Session:
         axes = zip(self._request.machine.axes, self._compensation, strict=True)
         return FreshPlaces({name: axis.estimator.friction.coulomb for name, axis in axes})
 
-    def run(
-        self, bus: BusSettings, opened: can.BusABC, injected: Sequence[InjectedFault]
-    ) -> RunResult:
-        """Operate the stage and write the files of the run.
+    def operate(self, access: StageAccess, injected: Sequence[InjectedFault] = ()) -> None:
+        """Run the recipe on the stage; foreseen errors are kept for the result.
 
         Args:
-            bus: settings of the bus.
-            opened: that bus; it stays open.
+            access: to the stage.
             injected: faults, as they are injected.
         """
-        log = BusLog(self._request.folder / "bus.asc", self._request.started)
-        with log:
-            self._operate(bus, opened, log)
-            self._record.note_injected_faults(injected)
+        log = self._log = BusLog(self._request.folder / "bus.asc", self._request.started)
+        try:
+            self._operate(access, log)
+        except BaseException:
+            log.close()
+            raise
+        self._record.note_injected_faults(injected)
+
+    def leave(self) -> StagectlError | None:
+        """Close the journal and the frames of the bus, for another process to make the files of.
+
+        Returns:
+            What ended the run early, or None.
+        """
+        if self._log is not None:
+            self._log.leave()
+        self._record.end(self._error)
+        return self._error
+
+    def give_up(self, error: StagectlError) -> None:
+        """End the run before `operate`, for this reason."""
+        self._error = error
+
+    def finish(self) -> RunResult:
+        """Make the files of the run."""
+        log = self._log
+        if log is not None:
+            log.close()
+            if log.digest is not None:  # by which the recording knows its own log
+                self._record.journal.event("bus_log", digest=log.digest)
         self._listener.phase("writing recording and report")
-        if log.digest is not None:  # by which the recording knows its own log
-            self._record.journal.event("bus_log", digest=log.digest)
         return self._record.finish(self._error)
 
-    def _operate(self, bus: BusSettings, opened: can.BusABC, log: BusLog) -> None:
-        """Boot, home, enable, run, disable; foreseen errors are kept for the result."""
+    def _operate(self, access: StageAccess, log: BusLog) -> None:
+        """Make the stage ready, run, leave it."""
         listener, record = self._listener, self._record
         try:
             self._name_effects_left()
             listener.stoppable(self._request_stop)
-            with Stage.open(bus, self._found.axes, tap=log, bus_object=opened) as stage:
+            with access.stage(log) as stage:
                 self._stage = stage
-                listener.phase("booting the drives")
-                stage.boot()
                 self._heed_early_stop()
+                for phase, step in access.boot(stage):
+                    listener.phase(phase)
+                    step()
+                    self._heed_early_stop()
                 record.start()
                 for text in (*self._unchecked(), *stage.limitations):
                     self._on_event(Limitation(text))
                 stage.require_csp()
-                listener.phase("homing")
-                stage.home()
-                self._heed_early_stop()
-                listener.phase("enabling the drives")
-                stage.enable()
-                self._heed_early_stop()
-                if self._observers is not None:
-                    self._observers.attach(stage, record)
-                    record.note_limitations(self._observers.without())
-                record.note_limitations((*stage.limitations, *stage.notices))
-                record.temperature = stage_temperature(
-                    self._request.machine, stage, self._found.thermometer
-                )
-                record.temperature.at(0.0)
-                begin = time.perf_counter()
-                try:
-                    self._run_recipe(stage, bus.sync_period)
-                finally:
-                    record.wall_time = time.perf_counter() - begin
-                    record.note_limitations(stage.notices)
-                    if self._observers is not None:
-                        self._tell_found(self._observers)
-                        record.note_limitations(
-                            (*self._observers.failures(), *self._observers.findings())
-                        )
-                        record.journal.event("feedforward", axes=self._observers.learned())
-                        self._keep_out(self._observers)
-                listener.phase("disabling")
-                stage.disable()
+                for phase, step in access.make_ready(stage):
+                    listener.phase(phase)
+                    step()
+                    self._heed_early_stop()
+                self._run_on(stage)
+                access.leave(stage, listener.phase)
         except DriverError as error:
             self._error = RunFault(str(error))
             if self._early_stop is not None:
@@ -173,6 +174,29 @@ class Session:
             raise
         finally:
             self._over = True
+
+    def _run_on(self, stage: Stage) -> None:
+        """Run the recipe on the enabled stage, with what belongs to it before and after."""
+        record, observers = self._record, self._observers
+        if observers is not None:
+            observers.attach(stage, record)
+            record.note_limitations(observers.without())
+        record.note_limitations((*stage.limitations, *stage.notices))
+        record.temperature = stage_temperature(
+            self._request.machine, stage, self._found.thermometer
+        )
+        record.temperature.at(0.0)
+        begin = time.perf_counter()
+        try:
+            self._run_recipe(stage, stage.settings.sync_period)
+        finally:
+            record.wall_time = time.perf_counter() - begin
+            record.note_limitations(stage.notices)
+            if observers is not None:
+                self._tell_found(observers)
+                record.note_limitations((*observers.failures(), *observers.findings()))
+                record.journal.event("feedforward", axes=observers.learned())
+                self._keep_out(observers)
 
     def _unchecked(self) -> list[str]:
         """On a real stage: which axes were never checked by a move."""
@@ -201,6 +225,7 @@ class Session:
             record.note_move,
             self._on_event,
             self._places,
+            self._listener.pause,
         )
         attempt, attempted = 0, record.done
         while True:
@@ -245,14 +270,16 @@ class Session:
             )
         return tuple(moving)
 
-    def _sample_sink(self, engine: Engine) -> Callable[[Sequence[int]], None]:
+    def _sample_sink(self, engine: Engine) -> Sink:
         """Where samples go: the journal; a replay also counts them up to the operator's stop."""
-        journal = self._record.journal
+        journal, shown = self._record.journal, self._listener.sample
+        if shown is not None:
+            return _both(journal.sink, shown)
         if self._substitutes is None or self._substitutes.stop is None:
             return journal.sink
         samples, reason = self._substitutes.stop
 
-        def sink(sample: Sequence[int]) -> None:
+        def sink(sample: Sample) -> None:
             journal.sink(sample)
             if journal.samples == samples:
                 engine.stop(reason)
@@ -299,3 +326,11 @@ class Session:
             self._tell_found(self._observers)
         self._record.note_event(event)
         self._listener.event(event)
+
+
+def _both(first: Sink, second: Sink) -> Sink:
+    def sink(sample: Sample) -> None:
+        first(sample)
+        second(sample)
+
+    return sink

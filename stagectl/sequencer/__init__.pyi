@@ -3,8 +3,9 @@ from .compensation.axis_compensation import TAKE_OVER, AxisCompensation
 from .compensation.mode import Figures, Mode
 from .compensation.observed_offsets import ObservedOffsets
 from .compensation.places import Expectation, FreshPlaces, Places
-from .engine import Engine
+from .engine import Engine, PauseRequest
 from .events import (
+    Continued,
     Event,
     Exposed,
     FrictionUpdated,
@@ -14,6 +15,7 @@ from .events import (
     MarkNotFound,
     MoveStarted,
     ObserverFound,
+    Paused,
     Retrying,
     SegmentDone,
     Settled,
@@ -39,6 +41,7 @@ __all__ = [
     "TAKE_OVER",
     "WINDOWS",
     "AxisCompensation",
+    "Continued",
     "Engine",
     "Event",
     "Expectation",
@@ -57,6 +60,8 @@ __all__ = [
     "MovingAxis",
     "ObservedOffsets",
     "ObserverFound",
+    "PauseRequest",
+    "Paused",
     "Places",
     "Retrying",
     "SegmentDone",

@@ -25,6 +25,7 @@ from stagectl.recipe import (
 )
 from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.events import (
+    Continued,
     Event,
     Exposed,
     FrictionUpdated,
@@ -32,6 +33,7 @@ from stagectl.sequencer.events import (
     MarkFound,
     MarkNotFound,
     MoveStarted,
+    Paused,
     SegmentDone,
     Settled,
     StopNoticed,
@@ -46,6 +48,8 @@ from stagedata import Move
 
 LEAD_IN = 0.1
 """Rest before the first move, to measure the force at rest [s]."""
+PAUSE_STEP = 0.1
+"""Between two looks at whether a pause is over [s]."""
 MAX_RETRIES = 3
 """Further waits of `on_timeout: retry` before the run stops."""
 
@@ -76,6 +80,30 @@ class StopRequest:
         return True
 
 
+class PauseRequest:
+    """A pause asked for by another thread; it begins where a segment of the recipe is complete.
+
+    Args:
+        most: longest pause [s]; a run that is paused for longer ends.
+    """
+
+    def __init__(self, most: float = 600.0) -> None:
+        self.most = most
+        self._asked = False
+
+    def ask(self) -> None:
+        """Ask for a pause."""
+        self._asked = True
+
+    def withdraw(self) -> None:
+        """Let the run go on."""
+        self._asked = False
+
+    def is_asked(self) -> bool:
+        """Whether a pause is asked for."""
+        return self._asked
+
+
 class Engine:
     """Runs a plan on a stage.
 
@@ -87,6 +115,7 @@ class Engine:
         on_move: called with each move before its first sample.
         on_event: called with each event.
         places: friction over the table; None where it is taken to be the same everywhere.
+        pause: asked for a pause after each segment.
 
     Attributes:
         stop: call it with a reason for a controlled stop.
@@ -101,7 +130,9 @@ class Engine:
         on_move: Callable[[Move], object],
         on_event: Callable[[Event], object],
         places: Places | None = None,
+        pause: PauseRequest | None = None,
     ) -> None:
+        self._pause = PauseRequest() if pause is None else pause
         self.stop = StopRequest(lambda reason: on_event(StopNoticed(reason)))
         self._mover = Mover(stage, axes, period, self.stop.is_asked, places)
         self._fiducial = fiducial
@@ -171,6 +202,7 @@ class Engine:
                 self._hold(step.duration)
             case DoneStep():
                 self._on_event(SegmentDone(step.number, step.site))
+                self._pause_here()
 
     def _move(self, step: MoveStep) -> None:
         self._learn()
@@ -290,6 +322,23 @@ class Engine:
     def _tell_unrest(self, texts: Sequence[str]) -> None:
         for text in texts:
             self._on_event(Limitation(text))
+
+    def _pause_here(self) -> None:
+        """Hold for as long as a pause is asked for.
+
+        Raises:
+            Aborted: for too long, or a stop was asked for.
+        """
+        if not self._pause.is_asked():
+            return
+        self._learn()
+        begin, most = self._mover.time, self._pause.most
+        self._on_event(Paused(most))
+        while self._pause.is_asked():
+            if self._mover.time - begin >= most:
+                raise Aborted(f"paused for longer than {most:g} s")
+            self._hold(PAUSE_STEP)
+        self._on_event(Continued(self._mover.time - begin))
 
     def _check_stop(self) -> None:
         if self.stop.is_asked():

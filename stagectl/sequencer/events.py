@@ -127,6 +127,20 @@ class Retrying:
 
 
 @dataclass(frozen=True, slots=True)
+class Paused:
+    """The run pauses at rest, the axes held, for at most `most` [s]."""
+
+    most: float
+
+
+@dataclass(frozen=True, slots=True)
+class Continued:
+    """The paused run goes on, after `duration` [s]."""
+
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
 class MarkFound:
     """The fiducial of a site was found at `offset` from the site [m]."""
 
@@ -200,6 +214,8 @@ Event = (
     | Exposed
     | SegmentDone
     | Retrying
+    | Paused
+    | Continued
     | MarkFound
     | MarkNotFound
     | StopNoticed

@@ -90,6 +90,13 @@ class BusLog(AbstractContextManager["BusLog"]):
         except StagectlError as error:
             self.failure = str(error)
 
+    def leave(self) -> None:
+        """Close the spool and leave it for `recover_log`; errors as of `close`."""
+        try:
+            self._frames.close()
+        except OSError as error:
+            self.failure = self.failure or f"{self._spool}: cannot write: {error.strerror}"
+
     def __exit__(self, *_: object) -> None:
         self.close()
 

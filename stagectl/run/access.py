@@ -1,0 +1,103 @@
+"""How a run gets the stage: one of its own, or one that is kept ready between runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+import can
+
+from drivers import Stage
+from drivers.canopen import Tap
+from drivers.settings import AxisSettings, BusSettings
+from stagectl.errors import Aborted
+
+Steps = Sequence[tuple[str, Callable[[], object]]]
+"""What to do, in order, each with a few words."""
+
+
+class StageAccess(Protocol):
+    """The stage, for the time of a run."""
+
+    def stage(self, tap: Tap) -> AbstractContextManager[Stage]:
+        """The stage, whose frames go to `tap` as well."""
+
+    def boot(self, stage: Stage) -> Steps:
+        """Up to where the drives have answered."""
+
+    def make_ready(self, stage: Stage) -> Steps:
+        """From there to the enabled stage."""
+
+    def leave(self, stage: Stage, announce: Callable[[str], object]) -> None:
+        """After the run."""
+
+
+class OwnStage:
+    """A stage that is opened, homed and enabled for the run, and disabled after it.
+
+    Args:
+        bus, axes: settings.
+        opened: that bus; it stays open.
+    """
+
+    def __init__(self, bus: BusSettings, axes: Sequence[AxisSettings], opened: can.BusABC) -> None:
+        self._bus, self._axes, self._opened = bus, axes, opened
+
+    def stage(self, tap: Tap) -> AbstractContextManager[Stage]:
+        """The stage, closed at the end."""
+        return Stage.open(self._bus, self._axes, tap=tap, bus_object=self._opened)
+
+    def boot(self, stage: Stage) -> Steps:
+        """Boot the drives."""
+        return [("booting the drives", stage.boot)]
+
+    def make_ready(self, stage: Stage) -> Steps:
+        """Home and enable the axes."""
+        return [("homing", stage.home), ("enabling the drives", stage.enable)]
+
+    def leave(self, stage: Stage, announce: Callable[[str], object]) -> None:
+        """Switch the power off."""
+        announce("disabling")
+        stage.disable()
+
+
+class HeldStage:
+    """A booted stage that stays open, and held where the run ends in order.
+
+    Args:
+        stage: booted.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+
+    @contextmanager
+    def stage(self, tap: Tap) -> Iterator[Stage]:
+        """The stage; an end that the operator asked for leaves it held, any other stops it."""
+        stage, before = self._stage, self._stage.sink
+        stage.tap = tap
+        try:
+            yield stage
+        except Aborted:
+            raise
+        except BaseException:
+            if stage.enabled:
+                stage.safe_stop()
+            raise
+        finally:
+            stage.tap = None
+            stage.sink = before
+            stage.correct_offsets(None)
+
+    def boot(self, stage: Stage) -> Steps:
+        """Nothing: it is booted."""
+        return []
+
+    def make_ready(self, stage: Stage) -> Steps:
+        """Home axes that have lost their zero, and enable those that are not."""
+        homing: Steps = [] if stage.homed else [("homing", stage.home)]
+        return [*homing, ("enabling the drives", stage.enable)]
+
+    def leave(self, stage: Stage, announce: Callable[[str], object]) -> None:
+        """Nothing: the axes stay held."""

@@ -1,0 +1,139 @@
+"""What the thread of the stage hands to the one that talks to clients; it never waits.
+
+Appending to and popping from a deque is atomic, so there is no lock that SYNC could wait for.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from stagectl.errors import Aborted, StagectlError
+from stagectl.sequencer import Event
+
+_KEPT = 20_000
+"""Samples that wait at most; older ones are lost where nobody takes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """An event of a run, and when [s since 1970]."""
+
+    event: Event
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """A phase of what is under way begins, in words."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class JobEnded:
+    """A job has ended, with its result or its error."""
+
+    job: int
+    result: object = None
+    error: BaseException | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The stage has faulted; it has been stopped."""
+
+    axis: str | None
+    code: int | None
+    text: str
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Something that people should know."""
+
+    text: str
+
+
+Item = Happened | Phase | JobEnded | Fault | Said
+
+
+class StopButton:
+    """Pressed by any thread; the stage's stops at its next look, once."""
+
+    def __init__(self) -> None:
+        self._reason: str | None = None
+        self._heeded = False
+
+    def press(self, reason: str) -> None:
+        """Stop the stage, for this reason."""
+        self._reason = reason
+
+    def check(self) -> None:
+        """Raise where it was pressed since the last look.
+
+        Raises:
+            Aborted: it was; the stage's methods stop the axes on any exception.
+        """
+        if self._reason is not None:
+            reason, self._reason = self._reason, None
+            self._heeded = True
+            raise Aborted(reason)
+
+    def was_heeded(self) -> bool:
+        """Whether `check` has raised since this was last called."""
+        heeded, self._heeded = self._heeded, False
+        return heeded
+
+
+@dataclass(slots=True)
+class Handover:
+    """The way out of the stage's thread.
+
+    Attributes:
+        items: what happened, oldest first.
+        samples: raw samples of the drivers, oldest first.
+        stop: looked at with every sample.
+    """
+
+    items: deque[Item] = field(default_factory=deque)
+    samples: deque[Sequence[int]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    stop: StopButton = field(default_factory=StopButton)
+
+    def give(self, item: Item) -> None:
+        """Hand something over."""
+        self.items.append(item)
+
+    def sample(self, sample: Sequence[int]) -> None:
+        """Hand a sample over; the sink of the stage.
+
+        Raises:
+            Aborted: the stop button was pressed.
+        """
+        self.samples.append(sample)
+        self.stop.check()
+
+    def event(self, event: Event) -> None:
+        """Hand an event of a run over."""
+        self.items.append(Happened(event, time.time()))
+
+    def phase(self, text: str) -> None:
+        """Hand a phase over."""
+        self.items.append(Phase(text))
+
+
+def fault_of(error: BaseException) -> Fault | None:
+    """The fault that an error of a job was, or None where nothing is wrong with the stage."""
+    from drivers.errors import DriverError, LimitError
+
+    cause = error.__cause__ if isinstance(error, StagectlError) else error
+    if isinstance(error, Aborted) or isinstance(cause, LimitError):
+        return None
+    if isinstance(cause, DriverError):
+        return Fault(cause.axis, cause.code, str(cause), time.time())
+    if isinstance(error, StagectlError):
+        return None
+    return Fault(None, None, f"internal error: {type(error).__name__}: {error}", time.time())

@@ -1,0 +1,250 @@
+"""The thread that owns bus and stage: it does one job at a time, and holds the axes meanwhile.
+
+Idle, enabled axes are held by setpoints with every SYNC, for `hold_limit` at most; then they are
+disabled. Idle without power, positions are still sampled. Neither observer nor journal are at work
+then: both belong to runs.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
+
+import numpy as np
+
+from drivers.canopen import open_bus
+from drivers.errors import BusError, BusOpenError, DriverError
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+from stagectl.config.machine import Machine
+from stagectl.errors import Aborted, StagectlError, drivers_failures, unusable
+from stagectl.protocol.state import Doing
+from stagectl.server.handover import Handover, JobEnded, Phase, Said, fault_of
+
+_HOLD = 0.25
+"""Setpoints of an idle hold are sent for this long at a time, where nothing is asked for [s]."""
+_WATCH = 0.05
+"""The same without power [s]."""
+_BUS_AWAY = 0.5
+"""Between two attempts on a bus that fails [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """A job for the stage.
+
+    Attributes:
+        job: its number.
+        doing: what the stage does meanwhile.
+        what: the same in words.
+        run: does it; what it returns is the job's result.
+    """
+
+    job: int
+    doing: Doing
+    what: str
+    run: Callable[[Stage], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """A virtual stage to keep, paced by the wall clock.
+
+    Attributes:
+        truth: the stage as it is.
+        seed: of its noise.
+    """
+
+    truth: Machine
+    seed: int
+
+
+class StageKeeper(threading.Thread):
+    """Owns the stage.
+
+    Args:
+        bus, axes: settings of the drivers.
+        simulated: the virtual stage to make; None for drives on the bus.
+        handover: what happens goes there.
+        hold_limit: how long axes are held while there is nothing to do [s].
+
+    Attributes:
+        stage: once it is booted, until the end.
+        doing, what: the present state, in a word and in words.
+        failure: why there is no stage, once the thread has ended for that.
+        ready: set once the drives are booted, or cannot be.
+    """
+
+    def __init__(
+        self,
+        bus: BusSettings,
+        axes: tuple[AxisSettings, ...],
+        simulated: Simulated | None,
+        handover: Handover,
+        hold_limit: float,
+    ) -> None:
+        super().__init__(name="stage", daemon=True)
+        self._bus, self._axes, self._simulated = bus, axes, simulated
+        self._handover, self._hold_limit = handover, hold_limit
+        self._inbox: SimpleQueue[Work] = SimpleQueue()
+        self._ending = threading.Event()
+        self._idle_since = time.monotonic()
+        self._faulted = False
+        self.stage: Stage | None = None
+        self.doing: Doing = "starting"
+        self.what = "starting"
+        self.failure: StagectlError | None = None
+        self.ready = threading.Event()
+
+    # -- from other threads -------------------------------------------------------------------
+
+    def submit(self, work: Work) -> None:
+        """Have something done; what becomes of it is handed over as `JobEnded`."""
+        self._inbox.put(work)
+
+    def end(self) -> None:
+        """Disable the axes, close the bus and end the thread."""
+        self._ending.set()
+
+    @property
+    def hold_left(self) -> float | None:
+        """How long idle axes will still be held [s]; None where none are."""
+        if self.doing != "held":
+            return None
+        return max(0.0, self._hold_limit - (time.monotonic() - self._idle_since))
+
+    # -- the thread ---------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Keep the stage until `end`."""
+        try:
+            with drivers_failures(), self._on_bus() as bus, Stage.open(bus, self._axes) as stage:
+                stage.sink = self._handover.sample
+                stage.interrupt = self._handover.stop.check
+                self.doing, self.what = "booting", "booting the drives"
+                stage.boot()
+                for text in (*stage.limitations, *stage.notices):
+                    self._handover.give(Said(text))
+                self.stage = stage
+                self._rest(stage)
+                self.ready.set()
+                while not self._ending.is_set():
+                    self._turn(stage)
+        except StagectlError as error:
+            self.failure = error
+        except BaseException as error:  # noqa: BLE001  shown, whatever it is
+            traceback.print_exc(file=sys.stderr)
+            self.failure = StagectlError(f"internal error: {type(error).__name__}: {error}")
+        finally:
+            self.stage = None
+            self.doing, self.what = "off", "the stage is switched off"
+            self.ready.set()
+
+    @contextmanager
+    def _on_bus(self) -> Iterator[BusSettings]:
+        if self._simulated is None:
+            with unusable(BusOpenError):
+                open_bus(self._bus).shutdown()
+            yield self._bus
+            return
+        from hil_sim.bus import PacedWorld
+        from hil_sim.plant import warm_up
+        from hil_sim.stage import VirtualStage
+        from stagectl.config import stage_settings
+
+        settings = stage_settings(self._simulated.truth)
+        warm_up(settings)
+        world = PacedWorld(f"server-{id(self)}")
+        VirtualStage(settings, self._simulated.seed).attach(world)
+        world.sleep_until_ns(100_000_000)  # the drives boot up
+        yield replace(self._bus, interface="lockstep", channel=world.name)
+
+    def _turn(self, stage: Stage) -> None:
+        try:
+            work = self._inbox.get_nowait()
+        except Empty:
+            self._idle(stage)
+            return
+        self.doing, self.what = work.doing, work.what
+        error: BaseException | None = None
+        result = None
+        try:
+            with drivers_failures():
+                self._handover.stop.check()
+                result = work.run(stage)
+            self._faulted = False
+        except BaseException as why:  # noqa: BLE001  becomes the job's
+            error = why
+            self._take_failure(stage, why)
+        if self._handover.stop.was_heeded() and stage.enabled:
+            stage.safe_stop()  # the button was seen between two motions
+        self._idle_since = time.monotonic()
+        self._rest(stage)
+        self._handover.give(JobEnded(work.job, result, error))
+
+    def _take_failure(self, stage: Stage, error: BaseException) -> None:
+        """What a failure leaves: a stage at rest, and an alarm where something is wrong with it."""
+        if not isinstance(error, StagectlError):
+            traceback.print_exc(file=sys.stderr)
+            stage.safe_stop()
+        fault = fault_of(error)
+        if fault is not None:
+            self._faulted = True
+            self._handover.give(fault)
+
+    def _idle(self, stage: Stage) -> None:
+        """Hold what is enabled, sample what is not."""
+        try:
+            self._handover.stop.check()
+            if stage.enabled:
+                if time.monotonic() - self._idle_since >= self._hold_limit:
+                    stage.disable()
+                    self._handover.give(
+                        Said(f"axes disabled: nothing to do for {self._hold_limit:g} s")
+                    )
+                else:
+                    self._hold(stage)
+            else:
+                stage.watch(_WATCH, checked=not self._faulted)
+        except Aborted as stopped:
+            stage.safe_stop()
+            self._handover.give(Said(str(stopped)))
+        except DriverError as error:
+            fault = fault_of(error)
+            if fault is not None and not self._faulted:
+                self._handover.give(fault)
+            self._faulted = True
+            if isinstance(error, BusError):
+                time.sleep(_BUS_AWAY)
+        self._rest(stage)
+
+    def _hold(self, stage: Stage) -> None:
+        """Hold the axes until there is something to do, for a moment at most."""
+        inbox, ending = self._inbox, self._ending
+        rows = max(1, round(_HOLD / stage.settings.sync_period))
+        targets, offsets = np.array(stage.targets), np.array(stage.offsets)
+        stage.stream(
+            np.tile(targets, (rows, 1)),
+            np.tile(offsets, (rows, 1)),
+            lambda _: not inbox.empty() or ending.is_set(),
+        )
+
+    def _rest(self, stage: Stage) -> None:
+        """The state between jobs, in words."""
+        if self._faulted:
+            self.doing, self.what = "fault", "stopped by a fault; enable or home with reset"
+        elif stage.enabled:
+            self.doing, self.what = "held", "axes enabled and held"
+        else:
+            self.doing, self.what = "disabled", "axes without power"
+
+    def phase(self, text: str) -> None:
+        """A phase of the present job begins."""
+        self.what = text
+        self._handover.give(Phase(text))

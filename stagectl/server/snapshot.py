@@ -1,0 +1,76 @@
+"""The state and the samples as they are published."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.cyclic.samples import FIELDS, HEAD
+from drivers.drive import decode
+from drivers.stage import Stage
+from stagectl.protocol.state import AxisState
+from stagectl.protocol.wire import SampleBlock
+
+_TARGET, _OFFSET, _POSITION, _FORCE, _STATUS, _VALID = range(6)
+_TIME, _LATE = 0, 1
+
+
+class Sampling:
+    """Samples of the drivers as arrays in SI units, and the axes as last sampled."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last: Sequence[int] | None = None
+        self._demand: tuple[float, ...] | None = None
+
+    def block(self, stage: Stage, samples: Sequence[Sequence[int]]) -> SampleBlock:
+        """Samples, at least one, as they are published."""
+        raw = np.array(samples, dtype=np.int64)
+        axes = raw[:, HEAD:].reshape(len(raw), -1, FIELDS)
+        increments = np.array([axis.increment for axis in stage.axes])
+        forces = np.array([axis.force_unit for axis in stage.axes])
+        first, self.count = self.count, self.count + len(raw)
+        block = SampleBlock(
+            first=first,
+            time=raw[:, _TIME] * np.float64(1e-9),
+            late=raw[:, _LATE].astype(np.uint8),
+            demand=axes[:, :, _TARGET] * increments,
+            position=axes[:, :, _POSITION] * increments,
+            force=axes[:, :, _FORCE] * forces,
+            offset=axes[:, :, _OFFSET] * forces,
+            statusword=axes[:, :, _STATUS].astype(np.uint16),
+            valid=axes[:, :, _VALID].astype(np.uint8),
+        )
+        previous = block.demand[-2] if len(raw) > 1 else self._demand
+        self._error = None if previous is None else block.position[-1] - previous
+        self._demand = tuple(block.demand[-1].tolist())
+        return block
+
+    _error = None
+
+    def axes(self, stage: Stage) -> tuple[AxisState, ...]:
+        """The axes as last sampled."""
+        states = []
+        enabled = stage.enabled
+        columns = zip(
+            stage.axes, stage.statuswords, stage.positions, stage.targets, stage.forces,
+            stage.offsets, strict=True,
+        )  # fmt: skip
+        for number, (axis, status, position, target, force, offset) in enumerate(columns):
+            seen = status is not None
+            error = None if self._error is None else -float(self._error[number])
+            states.append(
+                AxisState(
+                    name=axis.name,
+                    position=position if seen else None,
+                    demand=target if seen else None,
+                    error=(error if enabled else 0.0) if seen else None,
+                    force=force if seen else None,
+                    offset=offset if seen else None,
+                    status=str(decode(status)) if status is not None else "not heard",
+                    statusword=status,
+                    homed=axis.homed,
+                )
+            )
+        return tuple(states)
