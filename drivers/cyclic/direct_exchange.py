@@ -53,7 +53,7 @@ class DirectExchange:
     """
 
     def __init__(self, bus: DirectBus, network: Network, reception: Reception) -> None:
-        self._bus, self._reception, self._tap = bus, reception, network.tap
+        self._bus, self._reception, self._network = bus, reception, network
         self._channels: Sequence[Channel] = reception.channels
         self._now_ns = network.clock.now_ns
 
@@ -64,7 +64,7 @@ class DirectExchange:
             Whether SYNC was sent. If not, another frame came before it, such as a drive's
             heartbeat, or the bus has faults; the setpoints were sent.
         """
-        channels, tap = self._channels, self._tap
+        channels, tap = self._channels, self._network.tap
         if tap is not None:
             now = self._now_ns()
             for channel, data in frames:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 import click
@@ -13,6 +14,8 @@ from stagectl.cli.signals import interruptible
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings
     from drivers.stage import Stage
+    from stagectl.client import Client
+    from stagectl.protocol.requests import Command
 
 _JOG_VELOCITY = 10e-3
 _JOG_ACCELERATION = 1.0
@@ -34,6 +37,10 @@ def enable(bench: Bench, duration: float | None, reset: bool) -> None:
     """
     if bench.simulated and duration is None:
         duration = 1.0
+    client = bench.served()
+    if client is not None:
+        _enable_served(client, duration, reset)
+        return
     with bench.stage() as stage, interruptible() as stopped:
         _boot(stage, reset)
         stage.enable()
@@ -53,8 +60,14 @@ def enable(bench: Bench, duration: float | None, reset: bool) -> None:
 def home(bench: Bench, reset: bool) -> None:
     """Home all axes by the methods in the machine file, then disable them.
 
-    The drives keep their zero until they are switched off.
+    The drives keep their zero until they are switched off. A stage server holds them afterwards.
     """
+    client = bench.served()
+    if client is not None:
+        from stagectl.protocol.requests import Home
+
+        _on_server(client, "homed", Home(force=True, reset=reset))
+        return
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         stage.home(force=True)
@@ -87,6 +100,10 @@ def jog(
     chosen = _axis(bench.axes, axis)
     speed, acceleration = _profile(chosen, velocity)
     _check_distance(chosen, distance, here)
+    client = bench.served()
+    if client is not None:
+        _jog_served(client, axis, distance, speed, here, reset)
+        return
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         stage.check_move_to(axis, speed, acceleration)
@@ -101,6 +118,43 @@ def jog(
             stage, f"{axis} moved by {(stage.positions[column] - start) * 1e3:.6f} mm"
         )
         stage.disable()
+
+
+def _on_server(client: Client, what: str, *commands: Command) -> None:
+    """Have a server do something, then say where the axes are."""
+    from stagectl.cli.served import do
+
+    with client:
+        for command in commands:
+            do(client, command)
+        axes = client.state().axes
+    at = ", ".join(f"{a.name} {(a.position or 0.0) * 1e3:.6f} mm" for a in axes)
+    click.echo(f"{what}: {at}; the server holds the axes")
+
+
+def _enable_served(client: Client, duration: float | None, reset: bool) -> None:
+    from stagectl.cli.served import do
+    from stagectl.protocol.requests import Disable, Enable
+
+    with client:
+        do(client, Enable(reset=reset))
+        click.echo("enabled, held by the server")
+        with interruptible() as stopped:
+            end = None if duration is None else time.monotonic() + duration
+            while not stopped() and (end is None or time.monotonic() < end):
+                time.sleep(_SLICE)
+        do(client, Disable())
+    click.echo("disabled")
+
+
+def _jog_served(
+    client: Client, axis: str, distance: float, speed: float, here: bool, reset: bool
+) -> None:
+    from stagectl.protocol.requests import Enable, Home, Move
+
+    first: Command = Enable(reset=reset) if here else Home(reset=reset)
+    move = Move(axis=axis, distance=distance, velocity=speed)
+    _on_server(client, f"{axis} moved by {distance * 1e3:.6f} mm", first, move)
 
 
 def _boot(stage: Stage, reset: bool) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from drivers.canopen import Network
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
+    from stagectl.client import Client
     from stagectl.config import Machine
 
 _BOOT = 0.1
@@ -54,6 +55,10 @@ class Bench:
     seed: int = option(
         "Seed of the virtual stage's noise and start position.", click.IntRange(0), 1
     )
+    server: str | None = option(
+        "Stage server to use.  [default: the one that serves this machine file and bus, if any]",
+        metavar="NAME",
+    )
 
     def __post_init__(self) -> None:
         from stagectl.config import driver_settings, load_machine
@@ -64,6 +69,18 @@ class Bench:
         self.settings: BusSettings
         self.axes: tuple[AxisSettings, ...]
         self.settings, self.axes = driver_settings(self.machine, self.bus)
+
+    def served(self) -> Client | None:
+        """The stage server to use, or None.
+
+        Raises:
+            NoServer, UnusableInput: the one named does not run, or serves another machine file.
+        """
+        from stagectl.cli.served import server_for
+
+        if self.simulated:
+            return None
+        return server_for(self.machine, self.bus, self.server)
 
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:

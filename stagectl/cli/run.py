@@ -26,7 +26,9 @@ from stagectl.cli.stage_options import StageCommand, StageOptions
 from stagectl.errors import LimitsMissed
 
 if TYPE_CHECKING:
-    from stagectl.run import RunRequest
+    from collections.abc import Callable
+
+    from stagectl.run import Listener, RunRequest, RunResult
 
 DEFAULT_BUDGET = 5.0
 """Time for calibration sites in a run, if neither option nor calibration file sets it [s]."""
@@ -96,6 +98,10 @@ class _RunOptions:
         "Time for calibration sites [s].  [default: the calibration file's, else 5]",
         NumberRange(0.0),
     )
+    server: str | None = option(
+        "Stage server to run on.  [default: the one that serves this machine file and bus, if any]",
+        metavar="NAME",
+    )
 
 
 @click.command(cls=StageCommand)
@@ -138,11 +144,13 @@ def command(
         raise click.UsageError(
             "--compensation oracle needs --simulate: a real stage's friction is unknown"
         )
-    request = _request(stage, how, by, recipe, moves=not dry_run)
+    request = _request(stage, how, by, recipe, moves=not dry_run and how.server is None)
     if how.calibrate is not None:
         request = _with_due_sites(request, how.calibrate, how.budget)
     if dry_run:
         _dry_run(request, json_out)
+        return
+    if stage.simulate is None and _runs_on_server(request, how, json_out):
         return
     if how.observer:
         from stagectl.run import find_measurement
@@ -152,6 +160,27 @@ def command(
     if request.simulated is None:
         _warn_of_jitter(request)
     _run(request, json_out)
+
+
+def _runs_on_server(request: RunRequest, how: _RunOptions, json_out: Path | None) -> bool:
+    """Run it on the stage server that owns the stage; False where there is none."""
+    from stagectl.cli.served import run_on, server_for
+
+    client = server_for(request.machine, request.bus, how.server)
+    if client is None:
+        return False
+    unfit = {"--calibrate": how.calibrate, "--measurement": how.measurement}
+    for flag, given in unfit.items():
+        if given is not None:
+            raise click.UsageError(f"{flag} is not for a stage server")
+    with client:
+        _show_run(
+            request, json_out,
+            lambda listener: run_on(
+                client, request, how.resume, listener.event, listener.phase, listener.stoppable
+            ),
+        )  # fmt: skip
+    return True
 
 
 def _warn_of_jitter(request: RunRequest) -> None:
@@ -253,15 +282,24 @@ def _dry_run(request: RunRequest, json_out: Path | None) -> None:
 
 
 def _run(request: RunRequest, json_out: Path | None) -> None:
+    from stagectl.run import execute
+
+    _show_run(request, json_out, lambda listener: execute(request, listener))
+
+
+def _show_run(
+    request: RunRequest, json_out: Path | None, run: Callable[[Listener], RunResult]
+) -> None:
+    """Run with a progress display, and print what the run says."""
     from stagectl.cli.outcome import render_outcome
     from stagectl.cli.progress import RunProgress
     from stagectl.report import verdict
-    from stagectl.run import Listener, execute
+    from stagectl.run import Listener
 
     console = console_for(json_out)
     done = 0 if request.resumed is None else request.resumed.done
     with RunProgress(console, request.recipe, tuple(request.machine.axes), done) as progress:
-        result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
+        result = run(Listener(progress.phase, progress.event, stop_on_signal))
     write_json(result.summary, json_out)
     console.print(render_outcome(result, request.folder), crop=False)
     if result.error is not None:

@@ -116,6 +116,11 @@ class Client:
         """Ask for something that takes time, and return its job at once."""
         return Job.model_validate(self.ask(command))
 
+    def look(self, job: Job, timeout: float) -> Job:
+        """A job as it is when it has ended, or after `timeout` [s]."""
+        wait = Wait(job=job.id, timeout=timeout)
+        return Job.model_validate(self.ask(wait, timeout + ANSWER))
+
     def wait(self, job: Job | int, timeout: float | None = None) -> Job:
         """Wait until a job has ended.
 

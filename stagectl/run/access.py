@@ -7,18 +7,28 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 import can
+import numpy as np
 
 from drivers import Stage
 from drivers.canopen import Tap
 from drivers.settings import AxisSettings, BusSettings
 from stagectl.errors import Aborted
 
+RAMP, REST = 0.05, 0.3
+"""Duration of the ramp of force offsets to 0, and of the rest after it [s]."""
+
 Steps = Sequence[tuple[str, Callable[[], object]]]
 """What to do, in order, each with a few words."""
 
 
 class StageAccess(Protocol):
-    """The stage, for the time of a run."""
+    """The stage, for the time of a run.
+
+    Attributes:
+        held: it was ready before the run, whose bus log lacks how it became so.
+    """
+
+    held: bool
 
     def stage(self, tap: Tap) -> AbstractContextManager[Stage]:
         """The stage, whose frames go to `tap` as well."""
@@ -40,6 +50,8 @@ class OwnStage:
         bus, axes: settings.
         opened: that bus; it stays open.
     """
+
+    held = False
 
     def __init__(self, bus: BusSettings, axes: Sequence[AxisSettings], opened: can.BusABC) -> None:
         self._bus, self._axes, self._opened = bus, axes, opened
@@ -69,6 +81,8 @@ class HeldStage:
         stage: booted.
     """
 
+    held = True
+
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
 
@@ -97,7 +111,21 @@ class HeldStage:
     def make_ready(self, stage: Stage) -> Steps:
         """Home axes that have lost their zero, and enable those that are not."""
         homing: Steps = [] if stage.homed else [("homing", stage.home)]
-        return [*homing, ("enabling the drives", stage.enable)]
+        ready = [
+            ("enabling the drives", stage.enable),
+            ("holding", lambda: _take_offsets_out(stage)),
+        ]
+        return [*homing, *ready]
 
     def leave(self, stage: Stage, announce: Callable[[str], object]) -> None:
         """Nothing: the axes stay held."""
+
+
+def _take_offsets_out(stage: Stage) -> None:
+    """Ramp what the last run has left of force offsets to 0, and come to rest: a run begins so."""
+    if not any(stage.offsets):
+        return
+    period = stage.settings.sync_period
+    fall = np.linspace(1.0, 0.0, max(2, round(RAMP / period)))
+    offsets = np.concatenate([fall, np.zeros(round(REST / period))])[:, None] * stage.offsets
+    stage.stream(np.tile(stage.targets, (len(offsets), 1)), offsets)

@@ -105,6 +105,8 @@ class Session:
             access: to the stage.
             injected: faults, as they are injected.
         """
+        if access.held:
+            self._record.journal.event("held_stage")
         log = self._log = BusLog(self._request.folder / "bus.asc", self._request.started)
         try:
             self._operate(access, log)

@@ -152,7 +152,7 @@ class Motions:
                 break
             block = np.empty(steps)
             for k in range(steps):
-                allowed = _allowed(position, wanted, slope, settings.travel, period)
+                allowed = allowed_velocity(position, wanted, slope, settings.travel, period)
                 velocity += float(np.clip(allowed - velocity, -slope * period, slope * period))
                 position += velocity * period
                 block[k] = position
@@ -169,7 +169,7 @@ class Motions:
         return column
 
 
-def _allowed(
+def allowed_velocity(
     position: float, wanted: float, slope: float, travel: tuple[float, float], period: float
 ) -> float:
     """The velocity wanted, as far as the axis can still stop within its travel [m/s]."""

@@ -247,7 +247,7 @@ class Service:
     def _events(self, command: ask.GetEvents, *_: object) -> list[Notice]:
         return self._notices.since(command.since)
 
-    def _take_lease(self, command: ask.Take, request: ask.Request) -> dict[str, str]:
+    def _take_lease(self, command: ask.Take, request: ask.Request, *_: object) -> dict[str, str]:
         held = self._lease.held
         if held is not None and not command.force and not self._lease.renew(request.lease):
             raise RefusedError("not_in_command", f"{held.holder} commands the stage")

@@ -99,6 +99,11 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
         raise UnusableInput(f"{path}: does not say how it was run (made by an older version)")
     with tempfile.TemporaryDirectory() as scratch:
         with reading_events(path):
+            if notes.all("held_stage"):
+                raise UnusableInput(
+                    f"{path}: was run by a stage server on axes that it held already: its bus log "
+                    "lacks how they were made ready, so it cannot be replayed"
+                )
             _refuse_unless_replayable(path, run)
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
