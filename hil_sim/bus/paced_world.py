@@ -9,9 +9,13 @@ from __future__ import annotations
 
 import heapq
 import time
+from collections import deque
 
 from hil_sim.bus.world import World
 
+KEPT = 100_000
+LATE = 500_000
+"""An instant that comes later than this counts as late [ns]."""
 CATCH_UP = 50_000_000
 """Longest time made up for after a delay of the host [ns]."""
 
@@ -20,13 +24,17 @@ class PacedWorld(World):
     """A segment in virtual time whose clock is never ahead of the wall clock.
 
     Attributes:
-        behind_ns: by how much it was behind the wall clock at the last instant [ns].
+        late: instants that came later than `LATE`, since the beginning.
+        delays: by how much the latest instants came too late [ns].
+        turnarounds: from the latest instants until the host waited for the next one [ns].
     """
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._origin = time.monotonic_ns()
-        self.behind_ns = 0
+        self._origin = self._released = time.monotonic_ns()
+        self.late = 0
+        self.delays: deque[int] = deque(maxlen=KEPT)
+        self.turnarounds: deque[int] = deque(maxlen=KEPT)
 
     def step(self, deadline_ns: int | None) -> bool:
         """As of a `World`, at its time by the wall clock."""
@@ -42,10 +50,15 @@ class PacedWorld(World):
 
     def _await(self, instant: int) -> None:
         """Wait until an instant of virtual time [ns]."""
-        ahead = self._origin + instant - time.monotonic_ns()
+        now = time.monotonic_ns()
+        self.turnarounds.append(now - self._released)
+        ahead = self._origin + instant - now
         if ahead > 0:
             time.sleep(ahead * 1e-9)
-            ahead = self._origin + instant - time.monotonic_ns()
-        self.behind_ns = max(0, -ahead)
-        if self.behind_ns > CATCH_UP:
-            self._origin += self.behind_ns - CATCH_UP
+            now = time.monotonic_ns()
+        behind = now - self._origin - instant
+        self.delays.append(behind)
+        self.late += behind > LATE
+        if behind > CATCH_UP:
+            self._origin += behind - CATCH_UP
+        self._released = now

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from stagectl.cli.files import OutputFolder
+from stagectl.cli.file_kinds import ANY
+from stagectl.cli.files import Output, OutputFolder
 from stagectl.cli.options import NumberRange, option, takes
 from stagectl.cli.signals import on_stop
 from stagectl.cli.stage_options import StageOptions
@@ -28,6 +29,16 @@ class _ServerOptions:
         "Disable axes that are held while nothing is asked for after this time [s].",
         NumberRange(1.0, 86400.0),
         600.0,
+    )
+    metrics: int | None = option(
+        "Serve figures for Prometheus on this port of this computer.",
+        click.IntRange(1, 65535),
+        metavar="PORT",
+    )
+    pace_statistics: Path | None = option(
+        "Write at the end how well the virtual drives kept to the clock (.npz).",
+        click.Path(path_type=Path, dir_okay=False),
+        hidden=True,
     )
     pause: float = option(
         "End a run that is paused for longer than this [s].", NumberRange(1.0, 86400.0), 600.0
@@ -66,7 +77,7 @@ def command(stage: StageOptions, server: _ServerOptions) -> None:
     own = SIMULATED if simulated is not None else name_of_bus(bus.interface, bus.channel)
     setup = Setup(
         believed, stage.machine, bus, axes, stage.bus, simulated, server.data, server.hold,
-        server.pause,
+        server.pause, server.pace_statistics,
     )  # fmt: skip
     serve(
         setup,
@@ -74,6 +85,7 @@ def command(stage: StageOptions, server: _ServerOptions) -> None:
         _group(server.group),
         lambda text: click.echo(text),
         _stop_on_signal,
+        server.metrics,
     )
 
 

@@ -33,6 +33,7 @@ from stagectl.protocol.wire import (
 )
 from stagectl.server.handover import Handover
 from stagectl.server.keeper import StageKeeper
+from stagectl.server.metrics import Metrics
 from stagectl.server.service import Service, plain
 
 _TURN = 0.01  # longest wait for a request before looking at what the stage has handed over [s]
@@ -85,12 +86,16 @@ class Api:
     Args:
         endpoint: where.
         group: number of the group that is let in, or None.
+        metrics: get all that is published, or None.
 
     Raises:
         StagectlError: another server is there, or the folder cannot be used.
     """
 
-    def __init__(self, endpoint: Endpoint, group: int | None = None) -> None:
+    def __init__(
+        self, endpoint: Endpoint, group: int | None = None, metrics: Metrics | None = None
+    ) -> None:
+        self._metrics = metrics
         make_folder(endpoint.folder, group)
         self._endpoint = endpoint
         self._lock = _locked(endpoint)
@@ -130,6 +135,8 @@ class Api:
     def publish(self, notice: Notice) -> None:
         """Publish a notice; from the serving thread."""
         self._events.send_multipart([NOTICE, encode(notice)])
+        if self._metrics is not None:
+            self._metrics.take(notice)
 
     def end(self) -> None:
         """Stop serving; may be called by a signal handler."""
@@ -155,7 +162,10 @@ class Api:
                 self._publish_samples(service, keeper, handover)
             if changed or now >= state_due:
                 state_due = now + _STATE
-                self._events.send_multipart([STATE, encode(service.state())])
+                state = service.state()
+                self._events.send_multipart([STATE, encode(state)])
+                if self._metrics is not None:
+                    self._metrics.look(state)
 
     def close(self) -> None:
         """Close the sockets and remove them."""

@@ -22,6 +22,7 @@ from drivers.canopen import open_bus
 from drivers.errors import BusError, BusOpenError, DriverError
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
+from hil_sim.bus import PacedWorld
 from stagectl.config.machine import Machine
 from stagectl.errors import Aborted, StagectlError, drivers_failures, unusable
 from stagectl.protocol.state import Doing
@@ -76,6 +77,7 @@ class StageKeeper(threading.Thread):
 
     Attributes:
         stage: once it is booted, until the end.
+        world: of the virtual stage, or None.
         doing, what: the present state, in a word and in words.
         failure: why there is no stage, once the thread has ended for that.
         ready: set once the drives are booted, or cannot be.
@@ -97,6 +99,7 @@ class StageKeeper(threading.Thread):
         self._idle_since = time.monotonic()
         self._faulted = False
         self.stage: Stage | None = None
+        self.world: PacedWorld | None = None
         self.doing: Doing = "starting"
         self.what = "starting"
         self.failure: StagectlError | None = None
@@ -153,14 +156,13 @@ class StageKeeper(threading.Thread):
                 open_bus(self._bus).shutdown()
             yield self._bus
             return
-        from hil_sim.bus import PacedWorld
         from hil_sim.plant import warm_up
         from hil_sim.stage import VirtualStage
         from stagectl.config import stage_settings
 
         settings = stage_settings(self._simulated.truth)
         warm_up(settings)
-        world = PacedWorld(f"server-{id(self)}")
+        world = self.world = PacedWorld(f"server-{id(self)}")
         VirtualStage(settings, self._simulated.seed).attach(world)
         world.sleep_until_ns(100_000_000)  # the drives boot up
         yield replace(self._bus, interface="lockstep", channel=world.name)

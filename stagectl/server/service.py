@@ -210,7 +210,8 @@ class Service:
             queue_runs=self.queue.runs,
             lease=self._lease.held,
             alarms=self._alarms.open,
-            late=0 if stage is None else stage.late,
+            late=(0 if stage is None else stage.late)
+            + (0 if keeper.world is None else keeper.world.late),
             missed=0 if stage is None else stage.missed,
             event=self._notices.number,
         )

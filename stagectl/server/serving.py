@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 
+import numpy as np
+
 from stagectl.errors import StagectlError, failure_to_write
 from stagectl.protocol.endpoint import Endpoint
 from stagectl.run.compilation import compiled_by_two
@@ -12,6 +14,7 @@ from stagectl.sequencer.compensation import compile_kernels
 from stagectl.server.api import Api
 from stagectl.server.handover import Handover
 from stagectl.server.keeper import StageKeeper
+from stagectl.server.metrics import Metrics
 from stagectl.server.service import Service
 from stagectl.server.setup import Setup
 
@@ -27,6 +30,7 @@ def serve(
     group: int | None,
     announce: Callable[[str], object],
     stoppable: Callable[[Callable[[], None]], object],
+    metrics: int | None = None,
 ) -> None:
     """Serve until it is asked to end.
 
@@ -36,6 +40,7 @@ def serve(
         group: number of the group that is let in, or None.
         announce: called with a few words as it starts, and where it can be reached.
         stoppable: called with the function that ends it.
+        metrics: port on this computer for Prometheus, or None.
 
     Raises:
         UnusableInput, RunFault, StagectlError: it cannot serve, or the stage has gone.
@@ -45,7 +50,7 @@ def serve(
         setup.data.mkdir(parents=True, exist_ok=True)
     except OSError as why:
         raise failure_to_write(f"{setup.data}: cannot create", why) from why
-    api = Api(endpoint, group)
+    api = Api(endpoint, group, None if metrics is None else Metrics(metrics))
     try:
         truth = None if setup.simulated is None else setup.simulated.truth
         with compiled_by_two(setup.machine, truth, announce):
@@ -80,6 +85,8 @@ def _serve(
         keeper.end()
         keeper.join(_END)
         sys.setswitchinterval(before)
+    if setup.statistics is not None and keeper.world is not None:
+        np.savez(setup.statistics, delays=keeper.world.delays, turnarounds=keeper.world.turnarounds)
     if keeper.failure is not None:
         raise keeper.failure
     if keeper.is_alive():

@@ -27,6 +27,7 @@ class Setup:
         data: folder of runs and queue.
         hold_limit: how long idle axes are held [s].
         pause_limit: how long a run may be paused [s].
+        statistics: file for how well the paced virtual drives kept to the clock; None for none.
     """
 
     machine: Machine
@@ -38,6 +39,7 @@ class Setup:
     data: Path
     hold_limit: float = HOLD_LIMIT
     pause_limit: float = PAUSE_LIMIT
+    statistics: Path | None = None
 
     def check(self) -> None:
         """Refuse drives that would go on without their host.
