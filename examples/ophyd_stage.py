@@ -6,7 +6,7 @@
     from bluesky import RunEngine, plan_stubs as bps
     x = StageAxis("x"); RunEngine()(bps.mv(x, 10.0))
 
-An example: stagectl does not depend on ophyd-async. Tried with ophyd-async 0.13 on the virtual stage.
+An example: stagectl does not depend on ophyd-async. Tried on the virtual stage, ophyd-async 0.21.
 """
 
 from __future__ import annotations

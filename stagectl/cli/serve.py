@@ -37,7 +37,7 @@ class _ServerOptions:
     )
     pace_statistics: Path | None = option(
         "Write at the end how well the virtual drives kept to the clock (.npz).",
-        click.Path(path_type=Path, dir_okay=False),
+        Output(ANY),
         hidden=True,
     )
     pause: float = option(
