@@ -10,8 +10,18 @@ from estimation.trajectory import Limits
 from hil_sim.plant import Plant
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe import Dwell, Excite, ExposeStep, FiducialStep, MoveStep, Profile, Settle
+from stagectl.recipe import (
+    DoneStep,
+    Dwell,
+    Excite,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    Profile,
+    Settle,
+)
 from stagectl.sequencer import (
+    Continued,
     Engine,
     Exposed,
     FrictionUpdated,
@@ -20,6 +30,8 @@ from stagectl.sequencer import (
     Mode,
     MoveStarted,
     MovingAxis,
+    Paused,
+    PauseRequest,
     Settled,
     Stopping,
     Waiting,
@@ -87,7 +99,7 @@ class Marks:
         return self.offset
 
 
-def make(mode=Mode.ESTIMATED, marks=None):
+def make(mode=Mode.ESTIMATED, marks=None, pause=None, on_event=None):
     machine = load_machine()
     stage = BareStage()
     compensation = make_compensation(machine, mode)
@@ -97,7 +109,9 @@ def make(mode=Mode.ESTIMATED, marks=None):
     ]
     moves = []
     events = []
-    engine = Engine(stage, axes, marks or Marks(), TS, moves.append, events.append)
+    engine = Engine(
+        stage, axes, marks or Marks(), TS, moves.append, on_event or events.append, pause=pause
+    )
     return engine, stage, moves, events
 
 
@@ -228,6 +242,29 @@ def test_a_stop_at_rest_takes_effect_at_once():
         engine.run(site(1, (0.05, 0.03)))
     assert engine.samples == 51
     assert moves == []
+
+
+@pytest.mark.parametrize("most", [0.5, 0.15])
+def test_a_pause_begins_after_the_segment_and_ends_the_run_where_it_is_too_long(most):
+    pause = PauseRequest(most)
+    events, ended = [], []
+
+    def note(event):
+        events.append(event)
+        if isinstance(event, Paused):
+            ended.append((len(moves), stage.count))
+            stage.at_sample[stage.count + 300] = pause.withdraw
+
+    engine, stage, moves, _ = make(pause=pause, on_event=note)
+    stage.at_sample[150] = pause.ask  # in the first site's macro-move
+    steps = [*site(1, (0.01, 0.0)), DoneStep(1, 1), *site(2, (0.02, 0.0)), DoneStep(2, 2)]
+    with nullcontext() if most > 0.3 else pytest.raises(Aborted, match=r"paused for longer"):
+        engine.run(steps)
+    assert ended[0][0] == 2  # macro and micro of the first site
+    held = np.array(stage.demands[ended[0][1] : ended[0][1] + 100])
+    assert (held == held[0]).all()
+    assert len(moves) == (4 if most > 0.3 else 2)
+    assert any(isinstance(e, Continued) for e in events) == (most > 0.3)
 
 
 def test_moves_can_be_relative_with_dwells_between():
