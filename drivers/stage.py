@@ -50,8 +50,8 @@ class Stage:
         axes: one `Axis` per settings, in the order of all array columns.
         clock: of the bus: virtual on the lock-step bus, else monotonic.
         sink: called with the `Sample` of every SYNC of a csp stream, before it is evaluated.
-        interrupt: called about every 25 ms while a method uses the bus; what it raises ends the
-            method, and stops axes that are enabled.
+        interrupt: called at least every 25 ms while a method uses the bus; what it raises ends
+            the method, and stops axes that are enabled.
     """
 
     def __init__(
@@ -93,6 +93,17 @@ class Stage:
     @tap.setter
     def tap(self, tap: Tap | None) -> None:
         self._network.tap = tap
+
+    def send_frame(self, can_id: int, data: bytes) -> None:
+        """Sends a frame that is none of this host's, in the thread that uses the bus.
+
+        Raises:
+            BusError: the bus refuses it.
+        """
+        known = can_id in self._network.own_ids
+        self._network.send_message(can_id, data)
+        if not known:
+            self._network.own_ids.discard(can_id)
 
     @property
     def ending(self) -> bool:
@@ -344,7 +355,7 @@ class Stage:
         """
         with self._stopping.on_failure():
             for _ in self._cycle.cycles(duration, checked):
-                pass
+                self._interrupted(0)
 
     @_exclusive
     def safe_stop(self) -> None:

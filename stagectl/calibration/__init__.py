@@ -21,3 +21,4 @@ from stagectl.calibration.sequence import SiteSequence as SiteSequence
 from stagectl.calibration.sites import Calibration as Calibration
 from stagectl.calibration.sites import DueSection as DueSection
 from stagectl.calibration.sites import load_calibration as load_calibration
+from stagectl.calibration.sites import parse_calibration as parse_calibration

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -26,7 +26,7 @@ from stagectl.maps import (
     tracking_settings,
 )
 from stagectl.report import friction_map_used, resume_command
-from stagectl.run import Listener, RunRequest, document_paths, load_interrupted, stage_key
+from stagectl.run import RunRequest, RunResult, document_paths, load_interrupted, stage_key
 from stagectl.store import RECORDING_NAME
 
 Estimates = list[dict[str, Any]]
@@ -75,7 +75,10 @@ def resume_calibration(
 
 
 def calibrate(
-    request: RunRequest, calibration: Calibration, before: Estimates, listener: Listener
+    request: RunRequest,
+    calibration: Calibration,
+    before: Estimates,
+    run: Callable[[RunRequest], RunResult],
 ) -> CalibrationResult:
     """Run the calibration, store the map and write the page.
 
@@ -83,15 +86,13 @@ def calibrate(
         request: of the run, its recipe that of the sites to visit.
         calibration: its sites and moves.
         before: estimates of the interrupted calibration that this one continues.
-        listener: called as the run proceeds.
+        run: carries it out, as `stagectl.run.execute` does.
 
     Raises:
-        ConfigError, StagectlError, OSError: as `stagectl.run.execute`.
+        ConfigError, StagectlError, OSError: as `run`.
         StagectlError: the page cannot be written.
     """
-    from stagectl.run import execute  # which loads drivers and simulator
-
-    result = execute(request, listener)
+    result = run(request)
     stage = stage_key(request)
     notices, failed, command = list(result.notices), result.error, None
     version: MapVersion | None = None

@@ -14,7 +14,7 @@ from stagectl.calibration.sequence import REACH, SiteSequence, choose_sequence
 from stagectl.config.machine import Label, Machine
 from stagectl.config.parsing.units import PositiveLength, PositiveNumber, PositiveTime
 from stagectl.config.parsing.validation import Section, validate
-from stagectl.config.parsing.yaml_nodes import load_document, parse_document
+from stagectl.config.parsing.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import (
     MAX_SITES,
@@ -105,12 +105,20 @@ def load_calibration(path: Path | str, machine: Machine) -> Calibration:
     Raises:
         ConfigError: it cannot be used; one line per problem.
     """
-    document = load_document(path)
+    return _calibration(load_document(path), Path(path), machine)
+
+
+def parse_calibration(text: str, name: str, machine: Machine) -> Calibration:
+    """The calibration of a text; errors as of `load_calibration`."""
+    return _calibration(parse_document(text, name), Path(name), machine)
+
+
+def _calibration(document: Document, path: Path, machine: Machine) -> Calibration:
     file = validate(document, CalibrationFile)
     if isinstance(file.sites, schema.GridSites) and math.prod(file.sites.grid.count) > MAX_SITES:
         reason = f"more than {MAX_SITES} sites: {math.prod(file.sites.grid.count)}"
         raise ConfigError(document.problem(("sites", "grid", "count"), reason))
-    sites = _sites(file, Path(path))
+    sites = _sites(file, path)
     problems = [
         document.problem(
             ("sites",),

@@ -7,7 +7,7 @@ whose drives have just been switched on.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,8 @@ from stagectl.cli.stage_options import TWO_BUSES
 from stagectl.errors import drivers_failures
 
 if TYPE_CHECKING:
+    import can
+
     from drivers.canopen import Network
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
@@ -82,6 +84,16 @@ class Bench:
             return None
         return server_for(self.machine, self.bus, self.server)
 
+    def require_no_server(self) -> None:
+        """For what needs the bus for itself.
+
+        Raises:
+            UnusableInput: a stage server owns it.
+        """
+        from stagectl.cli.served import require_no_server
+
+        require_no_server(self.machine, self.bus)
+
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:
         """Settings of the bus to open, with virtual drives on it in a simulation.
@@ -92,6 +104,7 @@ class Bench:
         """
         with drivers_failures():
             if not self.simulated:
+                self.require_no_server()
                 yield self.settings
                 return
             from hil_sim.bus import World
@@ -112,14 +125,20 @@ class Bench:
         """
         from drivers.canopen import Network, open_bus
 
-        with self.on_bus() as settings:
-            bus = open_bus(settings)
-            try:
-                network = Network(bus, str(settings), beats=False)
-                yield network
-                network.disconnect()
-            finally:
-                bus.shutdown()
+        with drivers_failures(), ExitStack() as stack:
+            client = self.served()
+            if client is not None:
+                from stagectl.client.gateway import ServedBus
+
+                bus: can.BusABC = ServedBus(stack.enter_context(client))
+                label = client.info.bus
+            else:
+                settings = stack.enter_context(self.on_bus())
+                bus, label = open_bus(settings), str(settings)
+            stack.callback(bus.shutdown)
+            network = Network(bus, label, beats=False)
+            yield network
+            network.disconnect()
 
     @contextmanager
     def stage(self) -> Iterator[Stage]:

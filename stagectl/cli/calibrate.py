@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,12 +23,15 @@ from stagectl.cli.options import (
     write_json,
 )
 from stagectl.cli.signals import stop_on_signal
-from stagectl.cli.stage_options import StageCommand, StageOptions
+from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions
 
 if TYPE_CHECKING:
     from stagectl.calibration import Calibration, SiteSequence
+    from stagectl.client import Client
     from stagectl.history import Pair
-    from stagectl.run import RunRequest
+    from stagectl.run import Listener, RunRequest, RunResult
+
+    Run = Callable[[RunRequest, Listener], RunResult]
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class _FileOptions:
 @takes(StageOptions)
 @takes(_FileOptions)
 @takes(RunBy)
+@takes(ServerOption)
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -57,7 +62,7 @@ class _FileOptions:
     help="Check all that the run would check before it opens the bus, and list the sites to visit.",
 )
 def command(
-    stage: StageOptions, files: _FileOptions, by: RunBy, sites: Path, due: bool,
+    stage: StageOptions, files: _FileOptions, by: RunBy, on: ServerOption, sites: Path, due: bool,
     json_out: Path | None, dry_run: bool,
 ) -> None:  # fmt: skip
     """Visit the sites in SITES.yaml, measure the friction of every axis there, build a new map.
@@ -77,43 +82,56 @@ def command(
         require_enough_sites,
         resume_calibration,
     )
+    from stagectl.cli.served import stage_for
     from stagectl.history import FILE_NAME, default_history
 
-    believed, truth = stage.load(moves=not dry_run)
-    calibration = load_calibration(sites, believed)
-    started = datetime.now(UTC).astimezone()
-    folder = files.out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
-    where = default_history(
-        files.history, believed, truth is not None, folder, files.out is not None
-    )
-    if where is None:  # a calibration is pointless without a history
-        where = str((files.resume or folder) / FILE_NAME)
-    quiet = is_json_on_stdout(json_out)
-    if not quiet:
-        _announce(calibration.sequence)
-    from stagectl.run import HostSettings, RunRequest, SimulatedStage
+    with stage_for(stage, on.server, moves=not dry_run) as (believed, truth, client):
+        run = _way_to_run(client, files.resume)
+        calibration = load_calibration(sites, believed)
+        started = datetime.now(UTC).astimezone()
+        folder = files.out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
+        where = default_history(
+            files.history, believed, truth is not None, folder, files.out is not None
+        )
+        if where is None:  # a calibration is pointless without a history
+            where = str((files.resume or folder) / FILE_NAME)
+        quiet = is_json_on_stdout(json_out)
+        if not quiet:
+            _announce(calibration.sequence)
+        from stagectl.run import HostSettings, RunRequest, SimulatedStage
 
-    request = RunRequest(
-        calibration.recipe, believed, folder, started,
-        None if truth is None else SimulatedStage(truth, stage.seed),
-        HostSettings(observer=False),  # deviations are what is measured
-        stage.bus, history=where, remarks=by.remarks(),
-    )  # fmt: skip
-    before: list[dict[str, Any]] = []
-    if files.resume is not None:
-        request, before = resume_calibration(request, calibration, files.resume)
-    else:
-        selected = _select_sites(calibration, request, due, quiet)
-        if not selected:
-            click.echo("no site is due", err=quiet)
-            write_json(calibration_as_json(request, calibration.sequence), json_out)
-            return
-        request = replace(request, recipe=calibration.at(selected))
-    require_enough_sites(request, request.recipe.sites)
-    if dry_run:
-        _dry_run(request, calibration.sequence, json_out, quiet)
-    else:
-        _calibrate(request, calibration, before, json_out)
+        request = RunRequest(
+            calibration.recipe, believed, folder, started,
+            None if truth is None else SimulatedStage(truth, stage.seed),
+            HostSettings(observer=False),  # deviations are what is measured
+            stage.bus, history=where, remarks=by.remarks(),
+        )  # fmt: skip
+        before: list[dict[str, Any]] = []
+        if files.resume is not None:
+            request, before = resume_calibration(request, calibration, files.resume)
+        else:
+            selected = _select_sites(calibration, request, due, quiet)
+            if not selected:
+                click.echo("no site is due", err=quiet)
+                write_json(calibration_as_json(request, calibration.sequence), json_out)
+                return
+            request = replace(request, recipe=calibration.at(selected))
+        require_enough_sites(request, request.recipe.sites)
+        if dry_run:
+            _dry_run(request, calibration.sequence, json_out, quiet)
+        else:
+            _calibrate(request, calibration, before, run, json_out)
+
+
+def _way_to_run(client: Client | None, resume: Path | None) -> Run:
+    """What carries a run out: the stage server, or this process."""
+    from stagectl.cli.served import run_on
+    from stagectl.run import execute
+
+    if client is None:
+        return execute
+    server = client
+    return lambda asked, to: run_on(server, asked, resume, to.event, to.phase, to.stoppable)
 
 
 def _announce(sequence: SiteSequence) -> None:
@@ -166,6 +184,7 @@ def _calibrate(
     request: RunRequest,
     calibration: Calibration,
     before: list[dict[str, Any]],
+    run: Run,
     json_out: Path | None,
 ) -> None:
     """Calibrate, print the outcome and write it as JSON.
@@ -182,7 +201,7 @@ def _calibrate(
     console = console_for(json_out)
     with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
         listener = Listener(progress.phase, progress.event, stop_on_signal)
-        result = calibrate(request, calibration, before, listener)
+        result = calibrate(request, calibration, before, lambda asked: run(asked, listener))
     report = result.report
     outline = calibration_outline(report)
     number = None if report.version is None else report.version.number

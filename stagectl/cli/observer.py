@@ -134,6 +134,10 @@ def _measure(
     if truth is not None:
         return measure_simulated(machine, truth, stage.seed)
 
+    from stagectl.cli.served import require_no_server
+
+    require_no_server(machine, stage.bus)
+
     def agreed(lines: list[str]) -> bool:
         click.echo("The measurement shakes and slides the axes:", err=True)
         for line in lines:

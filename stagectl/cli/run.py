@@ -22,12 +22,14 @@ from stagectl.cli.options import (
     write_json,
 )
 from stagectl.cli.signals import stop_on_signal
-from stagectl.cli.stage_options import StageCommand, StageOptions
+from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions
 from stagectl.errors import LimitsMissed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from stagectl.client import Client
+    from stagectl.config import Machine
     from stagectl.run import Listener, RunRequest, RunResult
 
 DEFAULT_BUDGET = 5.0
@@ -98,10 +100,6 @@ class _RunOptions:
         "Time for calibration sites [s].  [default: the calibration file's, else 5]",
         NumberRange(0.0),
     )
-    server: str | None = option(
-        "Stage server to run on.  [default: the one that serves this machine file and bus, if any]",
-        metavar="NAME",
-    )
 
 
 @click.command(cls=StageCommand)
@@ -109,6 +107,7 @@ class _RunOptions:
 @takes(StageOptions)
 @takes(_RunOptions)
 @takes(RunBy)
+@takes(ServerOption)
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -116,8 +115,8 @@ class _RunOptions:
     help="Check all that the run would check before it opens the bus, and print its plan.",
 )
 def command(
-    stage: StageOptions, how: _RunOptions, by: RunBy, recipe: Path, json_out: Path | None,
-    dry_run: bool,
+    stage: StageOptions, how: _RunOptions, by: RunBy, on: ServerOption, recipe: Path,
+    json_out: Path | None, dry_run: bool,
 ) -> None:  # fmt: skip
     """Run RECIPE: a macro-move to each site, a micro-move onto its mark, an exposure.
 
@@ -144,13 +143,17 @@ def command(
         raise click.UsageError(
             "--compensation oracle needs --simulate: a real stage's friction is unknown"
         )
-    request = _request(stage, how, by, recipe, moves=not dry_run and how.server is None)
+    from stagectl.cli.served import stage_for
+
+    with stage_for(stage, on.server, moves=not dry_run) as (believed, truth, client):
+        request = _request(stage, how, by, recipe, believed, truth)
+        if client is not None:
+            _run_on_server(client, request, how, json_out)
+            return
     if how.calibrate is not None:
         request = _with_due_sites(request, how.calibrate, how.budget)
     if dry_run:
         _dry_run(request, json_out)
-        return
-    if stage.simulate is None and _runs_on_server(request, how, json_out):
         return
     if how.observer:
         from stagectl.run import find_measurement
@@ -162,25 +165,22 @@ def command(
     _run(request, json_out)
 
 
-def _runs_on_server(request: RunRequest, how: _RunOptions, json_out: Path | None) -> bool:
-    """Run it on the stage server that owns the stage; False where there is none."""
-    from stagectl.cli.served import run_on, server_for
+def _run_on_server(
+    client: Client, request: RunRequest, how: _RunOptions, json_out: Path | None
+) -> None:
+    """Run it on the stage server that owns the stage."""
+    from stagectl.cli.served import run_on
 
-    client = server_for(request.machine, request.bus, how.server)
-    if client is None:
-        return False
     unfit = {"--calibrate": how.calibrate, "--measurement": how.measurement}
     for flag, given in unfit.items():
         if given is not None:
             raise click.UsageError(f"{flag} is not for a stage server")
-    with client:
-        _show_run(
-            request, json_out,
-            lambda listener: run_on(
-                client, request, how.resume, listener.event, listener.phase, listener.stoppable
-            ),
-        )  # fmt: skip
-    return True
+    _show_run(
+        request, json_out,
+        lambda listener: run_on(
+            client, request, how.resume, listener.event, listener.phase, listener.stoppable
+        ),
+    )  # fmt: skip
 
 
 def _warn_of_jitter(request: RunRequest) -> None:
@@ -197,12 +197,12 @@ def _warn_of_jitter(request: RunRequest) -> None:
 
 
 def _request(
-    stage: StageOptions, how: _RunOptions, by: RunBy, recipe: Path, moves: bool
-) -> RunRequest:
+    stage: StageOptions, how: _RunOptions, by: RunBy, recipe: Path, believed: Machine,
+    truth: Machine | None,
+) -> RunRequest:  # fmt: skip
     """What the options ask for."""
     from stagectl.recipe import load_recipe
 
-    believed, truth = stage.load(moves)
     loaded = load_recipe(recipe, believed)
     plan = None
     if how.faults is not None:

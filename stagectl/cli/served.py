@@ -15,6 +15,7 @@ import click
 from stagectl.errors import Aborted, StagectlError, UnusableInput
 
 if TYPE_CHECKING:
+    from stagectl.cli.stage_options import StageOptions
     from stagectl.client import Client
     from stagectl.config import Machine
     from stagectl.protocol.requests import Command
@@ -60,6 +61,53 @@ def server_for(machine: Machine, bus: tuple[str, str] | None, named: str | None)
     )
     client.close()
     return None
+
+
+@contextmanager
+def stage_for(
+    stage: StageOptions, server: str | None, moves: bool = True
+) -> Iterator[tuple[Machine, Machine | None, Client | None]]:
+    """The machine files of a command, and the stage server that it uses, if any.
+
+    Args:
+        stage: options of the command.
+        server: by --server.
+        moves: whether the stage is to move.
+
+    Yields:
+        The host's machine; the simulated stage's, or None; the client of the server, or None.
+
+    Raises:
+        click.UsageError, ConfigError: as `StageOptions.load`.
+        NoServer, UnusableInput: as `server_for`.
+    """
+    if stage.simulate is not None and server is not None:
+        raise click.UsageError("--server cannot be combined with --simulate")
+    believed, truth = stage.load(moves and server is None)
+    client = None
+    if moves and stage.simulate is None:
+        client = server_for(believed, stage.bus, server)
+    if client is None:
+        yield believed, truth, None
+        return
+    with client:
+        yield believed, believed if client.info.simulated else None, client
+
+
+def require_no_server(machine: Machine, bus: tuple[str, str] | None) -> None:
+    """For what needs the stage for itself.
+
+    Raises:
+        UnusableInput: a server owns the bus.
+    """
+    from stagectl.client import find_server
+
+    where = find_server(*(bus or (machine.bus.interface, str(machine.bus.channel))))
+    if where is not None:
+        raise UnusableInput(
+            f"the stage server '{where.name}' owns this bus; this needs it for itself: end the "
+            "server first"
+        )
 
 
 def _serves(client: Client, machine: Machine) -> bool:
@@ -130,10 +178,11 @@ def run_on(
         operator=request.remarks.operator,
         comment=request.remarks.comment,
         resume=None if resume is None else str(resume.absolute()),
+        places=request.recipe.sites if request.recipe.excursions else None,
         options=RunOptions(
             compensation=host.mode.value, friction_scale=host.friction_scale,
             observer=host.observer, use_map=host.use_map, retries=request.retries,
-            history=request.history or "none",
+            history=_anywhere(request.history),
         ),
         start=True,
     )  # fmt: skip
@@ -155,6 +204,15 @@ def run_on(
                 client.ask(Abort(reason=reasons[0]))
                 reasons[:] = [""]
             time.sleep(_LOOK)
+
+
+def _anywhere(history: str | None) -> str:
+    """A history for a process in another folder."""
+    from stagectl.config import is_server
+
+    if history is None:
+        return "none"
+    return history if is_server(history) else str(Path(history).absolute())
 
 
 def _show(notice: Notice, show: Callable[[Event], object], phase: Callable[[str], object]) -> None:

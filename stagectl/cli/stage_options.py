@@ -42,6 +42,16 @@ class StageCommand(click.Command):
 
 
 @dataclass(frozen=True)
+class ServerOption:
+    """The stage server to use."""
+
+    server: str | None = option(
+        "Stage server to use.  [default: the one that serves this machine file and bus, if any]",
+        metavar="NAME",
+    )
+
+
+@dataclass(frozen=True)
 class StageOptions:
     """The host's machine file, and the bus or the simulation that the stage is on."""
 

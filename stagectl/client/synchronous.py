@@ -22,7 +22,7 @@ from stagectl.protocol.requests import (
     Wait,
 )
 from stagectl.protocol.state import Job, Notice, ServerInfo, State
-from stagectl.protocol.wire import SAMPLES
+from stagectl.protocol.wire import NOTICE, SAMPLES, STATE
 
 _SLICE = 10.0
 """Longest single wait for a job [s]."""
@@ -149,6 +149,16 @@ class Client:
         """Ask for something that takes time, and wait until it has ended; errors as of `wait`."""
         return self.wait(self.begin(command), timeout)
 
+    def subscribe(self, *topics: bytes) -> zmq.Socket[bytes]:
+        """A SUB socket with these topics, to be closed by the caller."""
+        socket = self._context.socket(zmq.SUB)
+        socket.linger = 0
+        socket.rcvhwm = 200
+        for topic in topics:
+            socket.subscribe(topic)
+        socket.connect(Endpoint.url(self._where.events))
+        return socket
+
     def watch(self, samples: bool = False, timeout: float | None = None) -> Iterator[Published]:
         """What the server publishes, from now on.
 
@@ -159,12 +169,7 @@ class Client:
         Raises:
             NoServer: what comes is not understood.
         """
-        socket = self._context.socket(zmq.SUB)
-        socket.linger = 0
-        socket.rcvhwm = 200
-        for topic in (b"state", b"notice", *([SAMPLES] if samples else ())):
-            socket.subscribe(topic)
-        socket.connect(Endpoint.url(self._where.events))
+        socket = self.subscribe(STATE, NOTICE, *([SAMPLES] if samples else ()))
         try:
             while socket.poll(None if timeout is None else round(timeout * 1e3)):
                 yield read_published(*socket.recv_multipart())

@@ -134,6 +134,7 @@ class QueueAdd(Message):
         source: its file name, for messages; a plug-in path in it counts from there.
         folder: for its files; None: RECIPE-TIME in the server's data folder.
         resume: folder of the interrupted run to continue.
+        places: `recipe` is a calibration file, and friction is measured at these places [m].
         start: begin with the queue at once, if it is not stopped by an earlier failure.
     """
 
@@ -144,6 +145,7 @@ class QueueAdd(Message):
     operator: Name | None = None
     comment: Text | None = None
     resume: Text | None = None
+    places: Annotated[tuple[tuple[Finite, Finite], ...], Field(max_length=10_000)] | None = None
     options: RunOptions = RunOptions()
     start: bool = False
 
@@ -226,6 +228,20 @@ class WriteObject(Message):
     )
 
 
+class Listen(Message):
+    """Have all frames of the bus published (`frames`) for 10 s from now."""
+
+    op: Literal["listen"] = "listen"
+
+
+class SendFrame(Message):
+    """Send an SDO request (CAN-ID 0x601..0x67F) to a node; while anything moves, only a read."""
+
+    op: Literal["send_frame"] = "send_frame"
+    can_id: Annotated[int, Field(ge=0x601, le=0x67F)]
+    data: Annotated[bytes, Field(min_length=8, max_length=8)]
+
+
 class Acknowledge(Message):
     """Acknowledge an alarm: it stays in the history, and is shown no longer."""
 
@@ -236,12 +252,14 @@ class Acknowledge(Message):
 Command = Annotated[
     Info | GetState | GetEvents | Take | Release | Enable | Disable | Home | Move | Jog | Stop
     | Wait | QueueAdd | QueueRemove | QueueReorder | QueueStart | QueueHalt | Pause | Resume | Abort
-    | CheckRecipe | ReadObject | WriteObject | Acknowledge,
+    | CheckRecipe | ReadObject | WriteObject | Listen | SendFrame | Acknowledge,
     Field(discriminator="op"),
 ]  # fmt: skip
 
-FREE = (Info, GetState, GetEvents, Take, Release, Stop, Wait, CheckRecipe, ReadObject)
-"""What a client may ask for while another one commands."""
+FREE = (
+    Info, GetState, GetEvents, Take, Release, Stop, Wait, CheckRecipe, ReadObject, Listen, SendFrame
+)  # fmt: skip
+"""What a client may ask for while another one commands; of `SendFrame` only reads."""
 
 
 class Request(Message):

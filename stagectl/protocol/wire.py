@@ -17,7 +17,7 @@ from stagedata import F64
 
 MOST = 2 << 20
 """Bytes of a request."""
-STATE, NOTICE, SAMPLES = b"state", b"notice", b"samples"
+STATE, NOTICE, SAMPLES, FRAMES = b"state", b"notice", b"samples", b"frames"
 """Topics that a server publishes."""
 
 
@@ -27,8 +27,8 @@ def encode(message: Message) -> bytes:
     return packed
 
 
-def unpack(data: bytes) -> Any:
-    """Plain values of msgpack.
+def unpack(data: bytes, use_list: bool = True) -> Any:
+    """Plain values of msgpack, arrays as lists or tuples.
 
     Raises:
         UnusableInput: it is none, or too large.
@@ -36,7 +36,7 @@ def unpack(data: bytes) -> Any:
     if len(data) > MOST:
         raise UnusableInput(f"a message of {len(data)} bytes: at most {MOST} are read")
     try:
-        return msgpack.unpackb(data, max_str_len=MOST, max_bin_len=MOST)
+        return msgpack.unpackb(data, use_list=use_list, max_str_len=MOST, max_bin_len=MOST)
     except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as why:
         raise UnusableInput(f"not a message in msgpack: {type(why).__name__}") from why
 
@@ -47,7 +47,7 @@ def decode_request(data: bytes) -> Request:
     Raises:
         UnusableInput: version, a key or a value is not understood; in one line.
     """
-    plain = unpack(data)
+    plain = unpack(data, use_list=False)
     if not isinstance(plain, dict):
         raise UnusableInput("a request is a map")
     if (version := plain.get("version")) != VERSION:

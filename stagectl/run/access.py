@@ -89,8 +89,8 @@ class HeldStage:
     @contextmanager
     def stage(self, tap: Tap) -> Iterator[Stage]:
         """The stage; an end that the operator asked for leaves it held, any other stops it."""
-        stage, before = self._stage, self._stage.sink
-        stage.tap = tap
+        stage, before = self._stage, (self._stage.sink, self._stage.tap)
+        stage.tap = tap if before[1] is None else _both(tap, before[1])
         try:
             yield stage
         except Aborted:
@@ -100,8 +100,7 @@ class HeldStage:
                 stage.safe_stop()
             raise
         finally:
-            stage.tap = None
-            stage.sink = before
+            stage.sink, stage.tap = before
             stage.correct_offsets(None)
 
     def boot(self, stage: Stage) -> Steps:
@@ -119,6 +118,14 @@ class HeldStage:
 
     def leave(self, stage: Stage, announce: Callable[[str], object]) -> None:
         """Nothing: the axes stay held."""
+
+
+def _both(first: Tap, second: Tap) -> Tap:
+    def tap(time_ns: int, can_id: int, data: bytes) -> None:
+        first(time_ns, can_id, data)
+        second(time_ns, can_id, data)
+
+    return tap
 
 
 def _take_offsets_out(stage: Stage) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+import msgpack
 import zmq
 
 from stagectl.errors import StagectlError, UnusableInput
@@ -23,6 +24,7 @@ from stagectl.protocol.endpoint import Endpoint, make_folder
 from stagectl.protocol.message import VERSION
 from stagectl.protocol.state import Answer, Notice, Refusal
 from stagectl.protocol.wire import (
+    FRAMES,
     MOST,
     NOTICE,
     SAMPLES,
@@ -155,6 +157,8 @@ class Api:
             if self._commands in ready:
                 self._receive(service)
             changed = service.turn()
+            if handover.frames:
+                self._publish_frames(handover)
             self._send_late_answers()
             now = time.monotonic()
             if now >= frame_due:
@@ -223,6 +227,11 @@ class Api:
             except Empty:
                 return
             self._commands.send_multipart([peer, data])
+
+    def _publish_frames(self, handover: Handover) -> None:
+        waiting = handover.frames
+        frames = [waiting.popleft() for _ in range(len(waiting))]
+        self._events.send_multipart([FRAMES, msgpack.packb(frames)])
 
     def _publish_samples(self, service: Service, keeper: StageKeeper, handover: Handover) -> None:
         waiting, stage = handover.samples, keeper.stage

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from drivers.errors import BusError, DriverError, LimitError
 from stagectl.errors import Aborted, StagectlError
 from stagectl.sequencer import Event
 
+_AT_ONCE = 8
+"""Frames of clients that are sent at once, so that setpoints are not held up."""
 _KEPT = 20_000
 """Samples that wait at most; older ones are lost where nobody takes them."""
 
@@ -97,11 +101,19 @@ class Handover:
         items: what happened, oldest first.
         samples: raw samples of the drivers, oldest first.
         stop: looked at with every sample.
+        frames: of the bus while somebody listens: (time [ns], CAN-ID, data), oldest first.
+        outgoing: frames that a client wants to be sent: (CAN-ID, data).
+        listened_until: until when frames are kept, on the monotonic clock [s].
+        send: sends a frame; set with the stage.
     """
 
     items: deque[Item] = field(default_factory=deque)
     samples: deque[Sequence[int]] = field(default_factory=lambda: deque(maxlen=_KEPT))
     stop: StopButton = field(default_factory=StopButton)
+    frames: deque[tuple[int, int, bytes]] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    outgoing: deque[tuple[int, bytes]] = field(default_factory=deque)
+    listened_until: float = 0.0
+    send: Callable[[int, bytes], object] = field(default=lambda *_: None)
 
     def give(self, item: Item) -> None:
         """Hand something over."""
@@ -114,7 +126,23 @@ class Handover:
             Aborted: the stop button was pressed.
         """
         self.samples.append(sample)
+        self.look()
+
+    def look(self) -> None:
+        """Send what clients want to be sent, and look at the stop button.
+
+        Raises:
+            Aborted: it was pressed.
+        """
+        for _ in range(min(len(self.outgoing), _AT_ONCE)):
+            with suppress(BusError):  # whoever asked waits for an answer in vain
+                self.send(*self.outgoing.popleft())
         self.stop.check()
+
+    def frame(self, time_ns: int, can_id: int, data: bytes) -> None:
+        """Keep a frame of the bus while somebody listens; the tap of the stage."""
+        if self.listened_until and time.monotonic() < self.listened_until:
+            self.frames.append((time_ns, can_id, data))
 
     def event(self, event: Event) -> None:
         """Hand an event of a run over."""
@@ -127,8 +155,6 @@ class Handover:
 
 def fault_of(error: BaseException) -> Fault | None:
     """The fault that an error of a job was, or None where nothing is wrong with the stage."""
-    from drivers.errors import DriverError, LimitError
-
     cause = error.__cause__ if isinstance(error, StagectlError) else error
     if isinstance(error, Aborted) or isinstance(cause, LimitError):
         return None

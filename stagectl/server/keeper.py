@@ -129,7 +129,8 @@ class StageKeeper(threading.Thread):
         try:
             with drivers_failures(), self._on_bus() as bus, Stage.open(bus, self._axes) as stage:
                 stage.sink = self._handover.sample
-                stage.interrupt = self._handover.stop.check
+                stage.interrupt, stage.tap = self._handover.look, self._handover.frame
+                self._handover.send = stage.send_frame
                 self.doing, self.what = "booting", "booting the drives"
                 stage.boot()
                 for text in (*stage.limitations, *stage.notices):

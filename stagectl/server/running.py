@@ -21,6 +21,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 
 from drivers.stage import Stage
+from stagectl.config.machine import Machine
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import default_history
 from stagectl.protocol.requests import QueueAdd
@@ -52,6 +53,20 @@ from stagectl.sequencer import (
 from stagectl.server.handover import Handover
 from stagectl.server.run_queue import RunQueue, Stored
 from stagectl.server.setup import Setup
+
+
+def asked_recipe(asked: QueueAdd, machine: Machine) -> Recipe:
+    """The recipe of an entry, or the moves of its calibration.
+
+    Raises:
+        ConfigError: it cannot be run on this machine; one line per problem.
+    """
+    if asked.places is None:
+        return parse_recipe(asked.recipe, asked.source, machine)
+    from stagectl.calibration import parse_calibration
+
+    measured = parse_calibration(asked.recipe, asked.source, machine).recipe
+    return replace(measured, sites=asked.places)
 
 
 def run_request(setup: Setup, asked: QueueAdd, recipe: Recipe, folder: Path) -> RunRequest:
@@ -259,7 +274,7 @@ class Runner:
     def _make_session(self, active: Active) -> None:
         asked, announce = active.stored.request, self.handover.phase
         try:
-            recipe = parse_recipe(asked.recipe, asked.source, self.setup.machine)
+            recipe = asked_recipe(asked, self.setup.machine)
             request = run_request(self.setup, asked, recipe, active.folder)
             if request.host.observer:
                 resume = None if asked.resume is None else Path(asked.resume)

@@ -44,7 +44,7 @@ from stagectl.server.keeper import StageKeeper, Work
 from stagectl.server.motions import JOG_MOST, JogDemand, Motions, checked_velocity
 from stagectl.server.notices import Notices, in_words
 from stagectl.server.run_queue import RunQueue
-from stagectl.server.running import Runner
+from stagectl.server.running import Runner, asked_recipe
 from stagectl.server.setup import Setup
 from stagectl.server.snapshot import Sampling
 
@@ -102,6 +102,7 @@ class Service:
             ask.QueueStart: self._queue_start, ask.QueueHalt: self._queue_halt,
             ask.Pause: self._pause, ask.Resume: self._resume, ask.Abort: self._abort,
             ask.ReadObject: self._read_object, ask.WriteObject: self._write_object,
+            ask.Listen: self._listen, ask.SendFrame: self._send_frame,
             ask.Acknowledge: self._acknowledge,
         }  # fmt: skip
         self.sampling = Sampling()
@@ -329,7 +330,7 @@ class Service:
         return LATER
 
     def _queue_add(self, command: ask.QueueAdd, *_: object) -> dict[str, int]:
-        recipe = parse_recipe(command.recipe, command.source, self._setup.machine)
+        recipe = asked_recipe(command, self._setup.machine)
         if command.options.compensation == "oracle" and self._setup.simulated is None:
             raise RefusedError("input", "oracle: a real stage's friction is unknown")
         entry = self.queue.add(command, recipe.name, recipe.lot, recipe.wafer)
@@ -394,6 +395,23 @@ class Service:
         self._later(write, reply)
         return LATER
 
+    def _listen(self, *_: object) -> dict[str, float]:
+        self._handover.listened_until = time.monotonic() + LISTENED
+        return {"for": LISTENED}
+
+    def _send_frame(
+        self, command: ask.SendFrame, request: ask.Request, *_: object
+    ) -> dict[str, bool]:
+        if command.data[0] >> 5 not in _READS:
+            held = self._lease.held
+            if held is not None and not self._lease.renew(request.lease):
+                raise RefusedError("not_in_command", f"{held.holder} commands the stage")
+            self._require_free()
+        if self._keeper.stage is None:
+            raise RefusedError("unavailable", f"no stage: {self._keeper.what}")
+        self._handover.outgoing.append((command.can_id, command.data))
+        return {"sent": True}
+
     def _acknowledge(
         self, command: ask.Acknowledge, request: ask.Request, *_: object
     ) -> dict[str, bool]:
@@ -447,6 +465,10 @@ class Service:
         self._pool.submit(run)
 
 
+LISTENED = 10.0
+"""How long frames are published after a request for them [s]."""
+_READS = (2, 3, 4, 5)
+"""Client command specifiers of SDO that write nothing: upload, its segments and blocks, abort."""
 LATER = object()
 """A handler's result where the answer comes later."""
 

@@ -261,11 +261,10 @@ def test_hostile_frames_are_refused_and_the_stage_does_not_move(client, server):
     good = {"version": 1, "id": 5, "client": "a", "command": {"op": "state"}}
     for _ in range(3000):
         socket.send(msgpack.packb(good))
-    refused = 0
-    for _ in range(3000):
-        assert socket.poll(5000)
-        refused += msgpack.unpackb(socket.recv())["refusal"] is not None
-    assert refused > 1000  # a flood is cut down, and the server answers others
+    answered = 0
+    while socket.poll(1000):
+        answered += msgpack.unpackb(socket.recv())["refusal"] is None
+    assert 0 < answered < 2000  # a flood is cut down, and the server answers others
     after = client.state()
     assert (after.doing, after.job) == (before.doing, None)
     assert after.axes[0].demand == before.axes[0].demand
@@ -294,6 +293,37 @@ def test_the_command_line_runs_on_the_server(server, tmp_path):
     _, errors = nobody.communicate(timeout=60)
     assert nobody.returncode == 1
     assert "no stage server 'nobody'" in errors
+
+
+def test_drives_are_looked_at_through_the_server(client, server):
+    client.do(ask.Home())
+    looks = {
+        ("status", "--json", "-"): "OPERATION ENABLED",
+        ("scan",): "CiA 402",
+        ("sdo", "get", "x", "0x1018:02"): "0x00000402",
+        ("monitor", "--for", "0.5"): "frames in",
+    }
+    for words, expected in looks.items():
+        out, errors = start(*words, "--server", server).communicate(timeout=60)
+        assert expected in " ".join((out + errors).split()), (out, errors)
+    job = client.begin(ask.Move(axis="x", position=0.05, velocity=0.02))
+    until(client, lambda s: s.doing == "moving")
+    write = ask.SendFrame(can_id=0x601, data=b"\x2b\x40\x60\x00\x00\x00\x00\x00")
+    with pytest.raises(Refused, match="busy"):  # would command the drive
+        client.ask(write)
+    client.ask(ask.SendFrame(can_id=0x601, data=b"\x40\x41\x60\x00\x00\x00\x00\x00"))
+    client.wait(job)
+
+
+def test_a_calibration_is_run_by_the_server(server, tmp_path):
+    (tmp_path / "sites.yaml").write_text(
+        "calibrate: four\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+    )
+    made = start("calibrate", tmp_path / "sites.yaml", "--server", server, "--out",
+                 tmp_path / "run", "--history", tmp_path / "stage.db")  # fmt: skip
+    out, errors = made.communicate(timeout=120)
+    assert made.returncode == 0, errors
+    assert "map 1 stored" in " ".join(out.split())
 
 
 def test_a_second_server_of_the_same_name_is_refused(server, tmp_path):

@@ -2,7 +2,7 @@
 
 from stagectl.calibration import calibrate, calibration_as_json, load_calibration
 from stagectl.calibration.execution import resume_calibration
-from stagectl.run import HostSettings, Remarks
+from stagectl.run import HostSettings, Remarks, execute
 from stagectl.sequencer import SegmentDone
 from tests.unit.stagectl.calibration.conftest import FILE
 from tests.unit.stagectl.run.whole import request_for, stopping_at
@@ -16,7 +16,9 @@ def test_a_stopped_calibration_has_no_map_and_says_how_to_go_on(machine, tmp_pat
         host=HostSettings(observer=False), remarks=Remarks(operator="Ada"),
         history=str(tmp_path / "stage.db"),
     )  # fmt: skip
-    result = calibrate(request, calibration, [], stopping_at(SegmentDone, 1))
+    result = calibrate(
+        request, calibration, [], lambda asked: execute(asked, stopping_at(SegmentDone, 1))
+    )
     assert "stopped by the operator" in str(result.error)
     assert f"--resume {tmp_path / 'run'}" in result.command
     report = result.report
