@@ -22,7 +22,7 @@ from stagectl.cli.options import (
     write_json,
 )
 from stagectl.cli.signals import stop_on_signal
-from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions
+from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions, warn_of_jitter
 from stagectl.errors import LimitsMissed
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def command(
         found = find_measurement(request, how.measurement, stage.machine, how.resume, _announce)
         request = replace(request, host=replace(request.host, measurement=found))
     if request.simulated is None:
-        _warn_of_jitter(request)
+        warn_of_jitter(request.machine, request.bus)
     _run(request, json_out)
 
 
@@ -181,19 +181,6 @@ def _run_on_server(
             client, request, how.resume, listener.event, listener.phase, listener.stoppable
         ),
     )  # fmt: skip
-
-
-def _warn_of_jitter(request: RunRequest) -> None:
-    """Before motion: whether this computer keeps the SYNC period, where it sends SYNC itself."""
-    from stagectl.doctor import jitter_warning
-
-    bus = request.machine.bus
-    interface = bus.interface if request.bus is None else request.bus[0]
-    by_kernel = interface == "socketcan" and bus.sync != "host"
-    if not by_kernel and interface != "lockstep":
-        warning = jitter_warning(bus.sync_period, replace(bus.realtime, freeze_gc=False))
-        if warning is not None:
-            _announce(warning)
 
 
 def _request(

@@ -14,7 +14,7 @@ from stagectl.cli.file_kinds import ANY
 from stagectl.cli.files import Output, OutputFolder
 from stagectl.cli.options import NumberRange, option, takes
 from stagectl.cli.signals import on_stop
-from stagectl.cli.stage_options import StageOptions
+from stagectl.cli.stage_options import StageOptions, warn_of_jitter
 from stagectl.errors import UnusableInput
 
 
@@ -79,6 +79,8 @@ def command(stage: StageOptions, server: _ServerOptions) -> None:
         believed, stage.machine, bus, axes, stage.bus, simulated, server.data, server.hold,
         server.pause, server.pace_statistics,
     )  # fmt: skip
+    if simulated is None:
+        warn_of_jitter(believed, stage.bus)
     serve(
         setup,
         endpoint(server.name or own),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,6 +92,19 @@ class StageOptions:
         truth = believed if self.simulate == _SAME_AS_HOST else _load(self.simulate)
         _check_match(believed, truth)
         return believed, truth
+
+
+def warn_of_jitter(machine: Machine, bus: tuple[str, str] | None) -> None:
+    """Before motion: whether this computer keeps the SYNC period, where it sends SYNC itself."""
+    from stagectl.doctor import jitter_warning
+
+    asked = machine.bus
+    interface = asked.interface if bus is None else bus[0]
+    by_kernel = interface == "socketcan" and asked.sync != "host"
+    if not by_kernel and interface != "lockstep":
+        warning = jitter_warning(asked.sync_period, replace(asked.realtime, freeze_gc=False))
+        if warning is not None:
+            click.echo(warning, err=True)
 
 
 def _load(path: Path | None) -> Machine:

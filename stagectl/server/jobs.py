@@ -10,6 +10,7 @@ from stagectl.errors import Aborted, RunFault, StagectlError
 from stagectl.protocol.state import Job
 
 _REMEMBERED = 200
+_MOST_WAITING = 1000
 
 
 class Jobs:
@@ -46,7 +47,13 @@ class Jobs:
         return self._jobs.get(number)
 
     def wait(self, number: int, timeout: float, answer: Callable[[Job], object]) -> None:
-        """Call `answer` with a job that is known when it has ended, or after `timeout` [s]."""
+        """Call `answer` with a job that is known when it has ended, or after `timeout` [s].
+
+        Where very many wait, those that have waited for longest are answered at once.
+        """
+        while len(self._waiting) >= _MOST_WAITING:
+            other, _, early = self._waiting.pop(0)
+            early(self._jobs.get(other) or _forgotten(other))
         self._waiting.append((number, time.monotonic() + timeout, answer))
         self.answer()
 
@@ -56,10 +63,14 @@ class Jobs:
         for number, deadline, answer in self._waiting:
             job = self._jobs.get(number)
             if job is None or job.ended or now >= deadline:
-                answer(job or Job(id=number, what="", ended=True, error="forgotten"))
+                answer(job or _forgotten(number))
             else:
                 left.append((number, deadline, answer))
         self._waiting = left
+
+
+def _forgotten(number: int) -> Job:
+    return Job(id=number, what="", ended=True, error="forgotten", kind="refused")
 
 
 def _kind(error: BaseException) -> str:

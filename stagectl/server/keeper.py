@@ -18,13 +18,12 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
-from drivers.canopen import open_bus
-from drivers.errors import BusError, BusOpenError, DriverError
+from drivers.errors import BusError, DriverError
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from hil_sim.bus import PacedWorld
 from stagectl.config.machine import Machine
-from stagectl.errors import Aborted, StagectlError, drivers_failures, unusable
+from stagectl.errors import Aborted, StagectlError, drivers_failures
 from stagectl.protocol.state import Doing
 from stagectl.server.handover import Handover, JobEnded, Phase, Said, fault_of
 
@@ -153,8 +152,6 @@ class StageKeeper(threading.Thread):
     @contextmanager
     def _on_bus(self) -> Iterator[BusSettings]:
         if self._simulated is None:
-            with unusable(BusOpenError):
-                open_bus(self._bus).shutdown()
             yield self._bus
             return
         from hil_sim.plant import warm_up

@@ -251,14 +251,6 @@ class Runner:
                 if entry.folder is not None and Path(entry.folder).is_dir():
                     self._in_thread(self._recover, Path(entry.folder), entry.id)
 
-    def end(self, reason: str) -> None:
-        """Stop a run that is under way, and wait until its files are made."""
-        self.abort(reason)
-        deadline = time.monotonic() + _LAST
-        while self.active is not None and time.monotonic() < deadline:
-            self.turn(free=False)
-            time.sleep(0.02)
-
     # -- one run --------------------------------------------------------------------------------
 
     def _prepare(self, stored: Stored) -> None:
@@ -386,8 +378,6 @@ def make_files(folder: Path) -> str | None:
 
 
 _NICE = ["nice", "-n", "10"]
-_LAST = 30.0
-"""Longest wait for a run's files when the server ends [s]."""
 
 
 def read_verdict(folder: Path) -> str | None:

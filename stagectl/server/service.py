@@ -159,7 +159,11 @@ class Service:
 
     def end(self) -> None:
         """The server ends: a run is stopped, and its files are made."""
-        self._runner.end("the server was stopped")
+        self._runner.abort("the server was stopped")
+        deadline = time.monotonic() + _LAST
+        while self._runner.active is not None and time.monotonic() < deadline:
+            self.turn()
+            time.sleep(0.02)
         self._pool.shutdown(wait=False)
 
     # -- what clients see -----------------------------------------------------------------------
@@ -465,6 +469,8 @@ class Service:
         self._pool.submit(run)
 
 
+_LAST = 30.0
+"""Longest wait for a run's files when the server ends [s]."""
 LISTENED = 10.0
 """How long frames are published after a request for them [s]."""
 _READS = (2, 3, 4, 5)

@@ -352,6 +352,24 @@ def test_a_killed_server_comes_back_with_its_queue_and_starts_nothing(runtime, t
         assert read_notes(tmp_path / "run" / "recording.h5").outcome == "killed"
 
 
+def test_axes_are_not_held_for_ever_and_a_server_ends_in_order(runtime, tmp_path):
+    with (
+        serving(tmp_path, "--simulate", "--hold", "1") as process,
+        Client(process.server) as client,
+    ):
+        client.do(ask.Home())
+        assert client.state().hold_left <= 1.0
+        until(client, lambda s: not s.enabled)
+        assert any("nothing to do for 1 s" in notice.text for notice in client.notices())
+        queue(client, tmp_path / "run")
+        until(client, lambda s: s.run is not None and s.run.moves >= 2)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 0
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["outcome"] == "aborted"
+    assert "the server was stopped" in summary["interrupted"]["reason"]
+
+
 def test_lost_drives_are_an_alarm_and_a_dead_server_stops_them(runtime, tmp_path, monkeypatch):
     bus = "udp_multicast:239.74.163.79"
     machine = slow_machine(tmp_path, bus, monkeypatch)
