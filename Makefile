@@ -8,7 +8,7 @@ DEV := $(VENV)/.installed-dev
 # Else every process that a test starts would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-newest test-lowest docs-check docs-quotes lint types layers bench mutants lock clean help
+.PHONY: run test test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
 
 help: ## this list
 	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -88,10 +88,16 @@ mutants: $(DEV) ## mutants of what must not fail unseen; an hour, on demand
 	$(LOCKED) --requirement requirements/mutants.txt
 	nice -n 19 $(BIN)/mutmut run --max-children 1
 
+release: $(DEV) ## wheel, sdist, list of parts (SBOM) and licences in dist/, checked; on demand
+	$(PYTHON) -m venv .venv-release
+	.venv-release/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements/release.txt
+	.venv-release/bin/python tools/release.py
+
 lock: $(UV) ## requirements/ anew, with the newest versions that pyproject.toml allows
 	$(COMPILE) requirements/run.txt --group build pyproject.toml
 	$(COMPILE) requirements/dev.txt --constraint requirements/run.txt --all-extras --group dev pyproject.toml
 	$(COMPILE) requirements/mutants.txt --constraint requirements/dev.txt --group mutants
+	$(COMPILE) requirements/release.txt --constraint requirements/dev.txt --group release
 
 clean: ## remove what was built
-	rm -rf $(VENV) .venv-* runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-* dist runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
