@@ -1,8 +1,9 @@
 """Builds what is released and checks it: `make release`, which has its tools in .venv-release.
 
-Into dist/: sdist and wheel (the wheel made of the sdist), an SBOM in CycloneDX of the locked packages
-that a run needs, and a table of licences, vendored files included. Fails where the wheel lacks
-files, a licence is not known to be compatible with Apache-2.0, or the container file has faults.
+Into dist/: sdist and wheel (the wheel made of the sdist), an SBOM in CycloneDX of the locked
+packages that a run needs, and a table of licences, vendored files included. Fails where the wheel
+lacks files, a licence is not known to be compatible with Apache-2.0, or the container file has
+faults.
 """
 
 from __future__ import annotations
@@ -47,6 +48,12 @@ def run(*command: object, **more: object) -> str:
     return str(done.stdout)
 
 
+def locked_packages() -> set[str]:
+    """Names of the packages that a run needs."""
+    lines = (ROOT / "requirements" / "run.txt").read_text(encoding="utf-8").splitlines()
+    return {line.split("==")[0].lower() for line in lines if "==" in line}
+
+
 def build() -> Path:
     """The wheel, made of the sdist, as an installer without wheels does."""
     DIST.mkdir(exist_ok=True)
@@ -76,19 +83,14 @@ def write_parts() -> None:
     run(TOOLS / "cyclonedx-py", "requirements", "requirements/run.txt", "--pyproject",
         "pyproject.toml", "--output-reproducible", "--of", "JSON", "-o", where)  # fmt: skip
     parts = json.loads(where.read_text(encoding="utf-8"))["components"]
-    locked = {line.split("==")[0] for line in
-              (ROOT / "requirements" / "run.txt").read_text().splitlines() if "==" in line}  # fmt: skip
+    locked = locked_packages()
     if len(parts) < len(locked):
         sys.exit(f"release: the SBOM has {len(parts)} of {len(locked)} locked packages")
 
 
 def check_licences() -> None:
     """The table of licences; unknown ones and incompatible ones end the release."""
-    locked = {
-        line.split("==")[0].lower()
-        for line in (ROOT / "requirements" / "run.txt").read_text().splitlines()
-        if "==" in line
-    }
+    locked = locked_packages()
     text = run(TOOLS / "pip-licenses", "--python", PYTHON, "--from=mixed", "--format=json")
     rows, wrong = ["| package | version | licence |", "| --- | --- | --- |"], []
     for entry in sorted(json.loads(text), key=lambda e: e["Name"].lower()):
