@@ -8,7 +8,7 @@ DEV := $(VENV)/.installed-dev
 # Else every process that a test starts would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
+.PHONY: run test docs test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
 
 help: ## this list
 	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -67,6 +67,9 @@ docs-check: $(DEV) ## all commands of README and docs, with what the docs quote 
 
 docs-quotes: $(DEV) ## quote anew in README and docs what their commands print
 	$(BIN)/python tools/docs_commands.py quotes
+
+docs: $(DEV) ## the documentation as a site, in docs/_build/html; every warning is an error
+	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
 
 lint: $(DEV) ## ruff
 	$(BIN)/ruff check .
