@@ -165,6 +165,10 @@ class AxisSettings:
         options: option codes for stops.
         rated_force_unit: one count of 0x6076 [N].
         modes: that the drive offers, where its 0x6502 is not to be believed; none: by 0x6502.
+        csp_mode: value of 0x6060 that selects csp.
+        confirms_homing: it has statusword bit 12, homing attained.
+        without_offset: why force offsets must not be sent; "": they may.
+        note: what else is to be known of the drive, one clause; "": nothing.
         warnings: EMCY error codes that stop the axes also with error register 0.
         heartbeat: period of the drive's heartbeat [s].
         unwatched_host: accept a drive that stays enabled when the host's heartbeat is lost.
@@ -193,6 +197,10 @@ class AxisSettings:
     lead: NotNegative = 0.0
     rated_force_unit: Positive = 1e-3
     modes: tuple[int, ...] = ()
+    csp_mode: Annotated[int, Interval(ge=-128, le=127)] = 8
+    confirms_homing: bool = True
+    without_offset: str = ""
+    note: str = ""
     warnings: tuple[int, ...] = ()
     heartbeat: Annotated[float, Interval(ge=0.01, le=1.0)] = 0.1
     homing_method: int = 34

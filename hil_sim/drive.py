@@ -22,6 +22,8 @@ from hil_sim.cia301 import (
 from hil_sim.cia301 import emergency as emcy
 from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
+from hil_sim.habits import Habits
+from hil_sim.habitual_objects import adopt, guard
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, PlantPort
 from hil_sim.quirks import OddPosition
@@ -47,6 +49,8 @@ class Drive:
         settings = stage.axes[axis]
         self.node_id = settings.node
         self.dictionary = Dictionary(self.node_id, o.axis_parameters(settings))
+        habits = settings.habits or Habits()
+        adopt(self.dictionary, habits)
         self.motor = Motor(plant, axis, stage)
         self._odd = None if settings.quirks is None else OddPosition(settings.quirks)
         self._sampled: int | None = None  # at the SYNC being handled, if odd
@@ -59,7 +63,7 @@ class Drive:
         self.pdo = PdoEngine(
             self.dictionary, segment, self.emergency.announce, self._on_setpoints_lost
         )
-        self.sdo = DriveSdoServer(self.node_id, self.dictionary, segment)
+        self.sdo = DriveSdoServer(self.node_id, self.dictionary, segment, habits.long_answers)
         self.motion = MotionControl(
             self.dictionary,
             self.motor,
@@ -75,6 +79,7 @@ class Drive:
         self._sync_reported = False
         self._power_on_counter = self.motor.origin
         self._connect_objects()
+        guard(self.dictionary, habits)
         self.nmt.power_on()
 
     def inject_fault(self, code: int, lasting: bool = False) -> None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 from annotated_types import Interval
 
+from hil_sim.habits import Habits
 from hil_sim.quirks import Quirks
 from stagedata import FrictionFigures, angular_unit
 from stagedata.ranges import NotNegative, Positive, check_ranges
@@ -107,6 +108,7 @@ class AxisSettings:
         unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
             m/s^2]; jerk is in acceleration units per second.
         quirks: of the drive, on the bus; None: none.
+        habits: in which the drive differs from CiA 301 and 402; None: in none.
         encoder_on_load: it is on the part that the first effect `resonance` hangs on.
         rotary: it turns: rad for m, N m for N and kg m^2 for kg.
     """
@@ -130,6 +132,7 @@ class AxisSettings:
     velocity_unit: Positive = 1e-9
     acceleration_unit: Positive = 1e-6
     quirks: Quirks | None = None
+    habits: Habits | None = None
     encoder_on_load: bool = False
     rotary: bool = False
 

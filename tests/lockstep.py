@@ -31,9 +31,14 @@ class Altered:
         return getattr(self.world, name)
 
 
-def switch_on(machine, *faults, alter=None, start=None, faulty=False):
-    """The machine's drives on a bus of their own, and that bus."""
-    drives = VirtualStage(stage_settings(machine), seed=1, start=start)
+def switch_on(machine, *faults, alter=None, start=None, faulty=False, habits=None):
+    """The machine's drives on a bus of their own, and that bus; `habits` are of the first."""
+    settings = stage_settings(machine)
+    if habits is not None:
+        first, *others = settings.axes
+        first = dataclasses.replace(first, habits=habits)
+        settings = dataclasses.replace(settings, axes=(first, *others))
+    drives = VirtualStage(settings, seed=1, start=start)
     if faults or faulty:
         world = FaultyWorld(next(_names), f.FaultPlan(faults))
         world.power_on(drives)

@@ -105,7 +105,8 @@ def _cob_id(index: int) -> ObjectRef:
 def disable_pdo(node: RemoteObjects, index: int) -> None:
     """Makes the PDO with this communication record invalid, where the node has it."""
     ref = _cob_id(index)
-    if node.offers(ref) and not (value := node.read(ref)) & INVALID:
+    value = node.read_if_offered(ref)
+    if value is not None and not value & INVALID:
         node.write(ref, value | INVALID)
 
 

@@ -33,7 +33,7 @@ MODE_TIMEOUT = 5.0
 PDO_COUNT = 4
 
 _WITHOUT = {
-    od.FORCE_OFFSET: "force offsets are not sent",
+    od.FORCE_OFFSET: "nothing is compensated",
     od.FORCE_ACTUAL: "force reads 0, friction cannot be learned",
 }
 """Objects that are mapped where offered, and the consequence where they are not."""
@@ -87,6 +87,14 @@ class Axis:
         """Whether the EDS lists an object that does not fit beside control word and position."""
         return self.node.offers(ref) and MappedObject(ref, self.node.data_type(ref)).bits > 16
 
+    def _why_unmapped(self, ref: ObjectRef) -> str:
+        """Why an optional object is not mapped; "" where it is."""
+        if ref == od.FORCE_OFFSET and self.settings.without_offset:
+            return self.settings.without_offset
+        if self._is_wide(ref):
+            return "has more than 16 bits, which do not fit"
+        return "" if self.node.has(ref) else "is not offered"
+
     def _map_objects(self, absent: Collection[ObjectRef]) -> None:
         """Makes the cyclic mappings without objects that are absent."""
         self.accepts_force_offset = od.FORCE_OFFSET not in absent
@@ -109,10 +117,11 @@ class Axis:
     def _find_limitations(self) -> None:
         """Finds which cyclic objects the node has, whatever its EDS says."""
         self.limitations.clear()
-        absent = [ref for ref in _WITHOUT if self._is_wide(ref) or not self.node.has(ref)]
-        for ref in absent:
-            why = "has more than 16 bits, which do not fit" if self._is_wide(ref) else ""
-            self.add_limitation(f"{ref} {why or 'is not offered'}: {_WITHOUT[ref]}")
+        if self.settings.note:
+            self.add_limitation(self.settings.note)
+        absent = {ref: why for ref in _WITHOUT if (why := self._why_unmapped(ref))}
+        for ref, why in absent.items():
+            self.add_limitation(f"{ref} {why}: {_WITHOUT[ref]}")
         self.target = od.TARGET_POSITION
         self._map_objects(absent)
 
@@ -257,6 +266,7 @@ class Axis:
         """Finds whether the drive offers csp; one that does not needs pp."""
         try:
             self.check_mode(Mode.CYCLIC_SYNC_POSITION)
+            self._try_csp()
             self._without_csp = None
         except ConfigurationError as why:
             try:
@@ -267,6 +277,19 @@ class Axis:
             self.add_limitation(
                 "no csp: only moves by the drive's own profile (pp), nothing can be streamed"
             )
+
+    def _try_csp(self) -> None:
+        """Selects csp on a drive without power; nothing moves by it.
+
+        Raises:
+            ConfigurationError: the drive refuses it, whatever it claims.
+        """
+        if decode(self.node.read(od.STATUSWORD)) is State.OPERATION_ENABLED:
+            return
+        try:
+            self.node.write(od.MODE, self.settings.csp_mode)
+        except RefusedError as refused:
+            raise ConfigurationError(refused.cause, axis=self.name, obj=od.MODE) from refused
 
     def require_csp(self) -> None:
         """Refuses a drive that does not offer csp; known once it is configured.
@@ -308,6 +331,10 @@ class Axis:
             ConfigurationError: it does not, by 0x6502 or the EDS.
         """
         target = TARGETS.get(mode, od.TARGET_POSITION)
+        if mode is not Mode.CYCLIC_SYNC_POSITION and mode == self.settings.csp_mode:
+            raise ConfigurationError(
+                f"mode {int(mode)} is csp on this drive: no {MODE_NAMES[mode]}", axis=self.name
+            )
         if not self.node.offers(target):
             raise ConfigurationError(
                 f"is not in the EDS: no {MODE_NAMES[mode]}", axis=self.name, obj=target
@@ -322,7 +349,7 @@ class Axis:
         modes = self.node.read_if_offered(od.SUPPORTED_MODES)
         if modes is None:
             return
-        if not modes >> (mode - 1) & 1:
+        if not 1 <= (code := self._code(mode)) <= 32 or not modes >> (code - 1) & 1:
             raise ConfigurationError(
                 f"0x{modes:08X}: the drive does not offer {MODE_NAMES[mode]} mode (if it does, "
                 "state its modes in its drive section)",
@@ -336,6 +363,12 @@ class Axis:
             ConfigurationError: one is missing.
             NodeError: no answer.
         """
+        if mode is Mode.HOMING and not self.settings.confirms_homing:
+            raise ConfigurationError(
+                "has no bit 12 (homing attained) by its profile: an interrupted homing could not "
+                "be told from a complete one",
+                axis=self.name, obj=od.STATUSWORD,
+            )  # fmt: skip
         for ref in _NEEDED.get(mode, ()):
             if not self.node.has(ref):
                 raise ConfigurationError(
@@ -352,16 +385,24 @@ class Axis:
         Raises:
             AxisFault: another mode is displayed after `MODE_TIMEOUT`.
         """
-        self.node.write(od.MODE, mode)
+        self.node.write(od.MODE, self._code(mode))
         self.mode = mode
         try:
             self.confirm_mode(mode)
         except AxisFault:
             enabled = decode(self.node.read(od.STATUSWORD)) is State.OPERATION_ENABLED
-            if enabled or self.node.read(od.MODE_DISPLAY) or self.node.read(od.MODE) != mode:
+            if (
+                enabled
+                or self.node.read(od.MODE_DISPLAY)
+                or self.node.read(od.MODE) != self._code(mode)
+            ):
                 raise
             return False
         return True
+
+    def _code(self, mode: Mode) -> int:
+        """The value of 0x6060 that selects a mode."""
+        return self.settings.csp_mode if mode is Mode.CYCLIC_SYNC_POSITION else int(mode)
 
     def confirm_mode(self, mode: Mode) -> None:
         """Waits until the drive displays the mode.
@@ -370,10 +411,11 @@ class Axis:
             AxisFault: another mode is displayed after `MODE_TIMEOUT`.
         """
         deadline = self._network.clock.now_ns() + round(MODE_TIMEOUT * 1e9)
-        while (shown := self.node.read(od.MODE_DISPLAY)) != mode:
+        code = self._code(mode)
+        while (shown := self.node.read(od.MODE_DISPLAY)) != code:
             if self._network.clock.now_ns() >= deadline:
                 raise AxisFault(
-                    f"shows mode {shown} {MODE_TIMEOUT:g} s after mode {int(mode)} was requested",
+                    f"shows mode {shown} {MODE_TIMEOUT:g} s after mode {code} was requested",
                     axis=self.name, obj=od.MODE_DISPLAY,
                 )  # fmt: skip
             self._network.pump(0.005)

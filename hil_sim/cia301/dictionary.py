@@ -100,6 +100,11 @@ class Dictionary:
         self.act_last: tuple[int, ...] = ()
         self.reset_all()
 
+    def preset(self, values: dict[int, int]) -> None:
+        """Sets other values after power-on, which this is, of those objects that there are."""
+        self._defaults.update({k: v for k, v in values.items() if k in self.variables})
+        self.reset_all()
+
     def reset_all(self) -> None:
         """Set every value to its power-on value."""
         self.values.update(self._defaults)

@@ -26,8 +26,16 @@ _MAX_DOWNLOAD = 4096  # bytes; a real drive's buffer is limited, too
 class DriveSdoServer(SdoServer):
     """Answers requests on 0x600 + node with responses on 0x580 + node."""
 
-    def __init__(self, node_id: int, dictionary: Dictionary, segment: CanSegment) -> None:
+    def __init__(
+        self,
+        node_id: int,
+        dictionary: Dictionary,
+        segment: CanSegment,
+        long_answers: bool = False,
+    ) -> None:
+        """With `long_answers`, expedited uploads say that all four bytes are data."""
         super().__init__(0x600 + node_id, 0x580 + node_id, dictionary)
+        self._long_answers = long_answers
         self._segment = segment
         self._index = 0
         self._subindex = 0
@@ -55,6 +63,8 @@ class DriveSdoServer(SdoServer):
 
     def send_response(self, response: bytes) -> None:
         """Send a response."""
+        if self._long_answers and response[0] & 0xE2 == sdo.RESPONSE_UPLOAD | sdo.EXPEDITED:
+            response = bytes((response[0] & ~0x0C, *response[1:]))
         self._segment.emit(self.tx_cobid, bytes(response))
 
     def abort(self, abort_code: int = sdo.ABORT_GENERAL_ERROR) -> None:

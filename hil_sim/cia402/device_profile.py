@@ -32,7 +32,7 @@ from hil_sim.cia402.supervision import Supervision
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
 
-_VOLTAGE, _REMOTE = 1 << 4, 1 << 9
+_VOLTAGE, _IN_SYNC, _REMOTE = 1 << 4, 1 << 8, 1 << 9
 _POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
 _CONFIGURES = (
     o.SOFT_LIMIT_LOW, o.SOFT_LIMIT_HIGH, o.HOME_OFFSET, o.MAX_TORQUE,
@@ -73,6 +73,8 @@ class MotionControl:
         self._remote = False
         self._word = 0  # controlword acted on last, and the state it left the drive in
         self._word_state = State.NOT_READY
+        habits = motor.settings.habits
+        self._in_sync = 0 if habits is None or not habits.in_sync else _IN_SYNC
         self._latched_bits = 0  # of the statusword, until the fault is reset
         self._syncs = 0
         self._lasting_faults: set[int] = set()
@@ -341,7 +343,7 @@ class MotionControl:
         if emcy.UNDER_VOLTAGE not in self._lasting_faults and not self._torque_off:
             word |= _VOLTAGE
         if self._remote:
-            word |= _REMOTE
+            word |= _REMOTE | self._in_sync
         if self.state is State.ENABLED:
             word |= self._modes.current.bits
         elif self.state is State.QUICK_STOP and not self._demand.stopping:

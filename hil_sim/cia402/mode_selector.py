@@ -14,6 +14,7 @@ from hil_sim.cia402.homing import Homing
 from hil_sim.cia402.modes import Context, CyclicPosition, CyclicTorque, Mode, ModeCode
 from hil_sim.cia402.profile_position import ProfilePosition
 from hil_sim.cia402.velocity import CyclicVelocity, ProfileVelocity
+from hil_sim.habits import Habits
 
 _MODES: dict[int, type[Mode]] = {
     ModeCode.NONE: Mode,
@@ -50,6 +51,7 @@ class ModeSelector:
         self._demand = demand
         self._is_active = is_active
         self._on_change = on_change
+        self._habits = context.motor.settings.habits or Habits()
         self._modes = {code: mode(context) for code, mode in _MODES.items()}
         self.current = self._modes[ModeCode.NONE]
         context.dictionary.check[o.MODE] = self._check
@@ -60,10 +62,12 @@ class ModeSelector:
         self.current = self._modes[ModeCode.NONE]
 
     def _check(self, value: int) -> None:
-        require(value in self._modes)
+        require(self._habits.mode(value) in self._modes)
 
     def _select(self, value: int) -> None:
-        old, new = self.current, self._modes[value]
+        code = self._habits.mode(value)
+        assert code is not None  # noqa: S101  `_check` has taken it
+        old, new = self.current, self._modes[code]
         if new is old:
             return
         self.current = new

@@ -42,7 +42,12 @@ class Motor:
         self._axis = axis
         self._scale = self.settings.increment / self.unit
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
+        habits = self.settings.habits
         self._permille = self.settings.control.rated_force / 1000.0
+        self._interpolates = True
+        if habits is not None:
+            self._permille *= habits.force_factor
+            self._interpolates = habits.interpolates
         self.origin = plant.encoder(axis)
         self.open = False
         self._clock_started = False
@@ -100,7 +105,12 @@ class Motor:
         self._ready = self._clock_started
 
     def command(self, position: int, permille: int, ticks: int) -> None:
-        """Ramp to a target [units] and force offset [1/1000 rated] within `ticks` control ticks."""
+        """Ramp to a target [units] and force offset [1/1000 rated] within `ticks` control ticks.
+
+        A drive that does not interpolate is there at the next tick.
+        """
+        if not self._interpolates:
+            ticks = 1
         if not self._ready:
             self._begin_streaming()
         whole = self._whole

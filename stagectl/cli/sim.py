@@ -23,9 +23,13 @@ if TYPE_CHECKING:
     "--machine", type=FILE, help="Machine file of the stage to simulate.  [default: wafer-xy]"
 )
 @click.option("--bus", type=BusType(), help="Any python-can bus.  [default: the machine file's]")
+@click.option("--as", "family", metavar="FAMILY",
+              help="Play drives of this family, by its profile; ? lists them.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=1,
               help="Seed of noise, friction scatter and start position.")  # fmt: skip
-def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> None:
+def command(
+    machine: Path | None, bus: tuple[str, str] | None, family: str | None, seed: int
+) -> None:
     """Simulate one CiA 402 drive per axis and the mechanics behind them, until Ctrl-C.
 
     \b
@@ -37,6 +41,9 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
 
     The drives boot at once: boot-up message, then heartbeat. The command prints the path of their
     EDS file. If the bus goes away, they wait for it to return.
+
+    With --as, they differ from CiA 301 and 402 as drives of that family are known to; the host's
+    machine file then names the family as each drive's `profile`.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from drivers.canopen import open_bus
     from drivers.cyclic import RealTime
@@ -45,8 +52,15 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
     from stagectl.config import driver_settings, eds_path, load_machine, stage_settings
+    from stagectl.config.profiles import load_profile, with_profile
 
+    if family == "?":
+        _list_families()
+        return
     stage = load_machine(machine)
+    if family is not None:
+        load_profile(family)  # refuses an unknown one
+        stage = with_profile(stage, family)
     settings = stage_settings(stage)
     where, _ = driver_settings(stage, bus)
     with unusable(BusOpenError):
@@ -74,6 +88,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     first, axis = next(iter(stage.axes.items()))
     click.echo(f"{stage.name} on {where}: {nodes}; stop with Ctrl-C")
     click.echo(f"EDS: {eds_path(stage, first, axis)}")
+    if family is not None:
+        click.echo(f"drives: {load_profile(family).drives}; in the host's file: profile: {family}")
     real_time.begin()
     for refused in real_time.refused:
         click.echo(refused, err=True)
@@ -83,3 +99,11 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
         real_time.end()
     if segment.refused:
         click.echo(f"the bus refused {segment.refused} frames", err=True)
+
+
+def _list_families() -> None:
+    from stagectl.cli.console import console_for, make_table
+    from stagectl.config.profiles import families, load_profile
+
+    rows = [(name, load_profile(name).drives) for name in families()]
+    console_for(None).print(make_table("drive profiles", ("family", "drives"), rows))

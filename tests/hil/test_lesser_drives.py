@@ -30,7 +30,7 @@ def stage_without(*absent, alter=None, booted_only=False):
 def test_without_torque_offset_the_axis_streams_and_records_no_offset():
     with stage_without(0x60B2) as (stage, _):
         assert stage.limitations == (
-            "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
+            "axis x: 0x60B2:00 torque offset is not offered: nothing is compensated",
         )
         target = np.tile(stage.targets, (50, 1))
         samples = stage.stream(target + 1e-6, np.full((50, 2), 1.8))

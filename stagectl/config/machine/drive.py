@@ -87,6 +87,8 @@ class Drive(Section):
             m/s^2]; velocity_unit and acceleration_unit None: the drive has to say them.
         lead: travel per revolution [m] of a drive that counts angles on a linear axis.
         rated_force_unit: one count of its 0x6076 [N].
+        profile: of its family, by name, or a file relative to the machine file; None: by the
+            identity in its EDS, where a profile has that.
         modes: that it offers, instead of what its 0x6502 says; None: as that says.
         warnings: EMCY error codes that stop the axes though the error register is 0.
         heartbeat: period of its heartbeat [s].
@@ -107,6 +109,7 @@ class Drive(Section):
     velocity_unit: Annotated[PositiveVelocity | None, Plausible(1e-15, 1e3, "m/s")] = None
     lead: Annotated[PositiveLength | None, Plausible(1e-9, 1e3, "m")] = None
     rated_force_unit: Annotated[PositiveForce, Plausible(1e-12, 1e6, "N")] = 1e-3
+    profile: Annotated[str | None, Field(min_length=1, max_length=200)] = None
     modes: Annotated[tuple[ModeName, ...] | None, Field(min_length=1)] = None
     warnings: tuple[Annotated[int, Field(ge=0x100, le=0xFFFF)], ...] = ()
     heartbeat: Annotated[PositiveTime, Field(ge=0.01, le=1.0)] = 0.1

@@ -28,6 +28,7 @@ KINDS = {
     "recipe": "a recipe",
     "calibrate": "a calibration file",
     "faults": "a faults file",
+    "family": "a drive profile",
 }
 """A key that only this kind of file has."""
 

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stagectl.config.machine import Axis, Drive, Machine
+from stagectl.config.profiles import fill, profile_of
+from stagectl.config.settings.habits import MODES, habits_of
 from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,22 +22,23 @@ if TYPE_CHECKING:
 _DEMANDED = {"velocity", "acceleration", "jerk", "following_error"}
 """Limits that the simulator has too."""
 
-MODES = {"pp": 1, "pv": 3, "hm": 6, "csp": 8, "csv": 9, "cst": 10}
-"""Modes of operation by their names in machine files."""
-
 
 def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
     """The simulator's settings: exactly the parameters in the file, nothing drawn from `tolerance`.
 
+    A drive whose profile the file names has that family's habits.
+
     Raises:
-        ConfigError: unknown effects or impossible values, or a plant too stiff for its steps.
+        ConfigError: unknown effects or impossible values, a plant too stiff for its steps, or a
+            profile of a drive that cannot be used.
     """
     from hil_sim import settings
     from stagectl.config.settings.effects import add_effects
 
     axes = []
     for name, axis in machine.axes.items():
-        friction, drive = axis.plant.friction, axis.drive
+        profile = profile_of(machine, name, None)  # else a drive without habits
+        friction, drive = axis.plant.friction, fill(axis, profile).drive
         axes.append(
             settings.AxisSettings(
                 name=name,
@@ -52,6 +55,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
                 quirks=drive.quirks,
+                habits=None if profile is None else habits_of(profile, axis, drive),
                 encoder_on_load=axis.encoder.on_load,
                 velocity_unit=drive.velocity_count,
                 acceleration_unit=drive.acceleration_count,
@@ -97,7 +101,7 @@ def driver_settings(
         named: (interface, channel) in place of the machine's.
 
     Raises:
-        ConfigError: an axis' EDS file does not exist.
+        ConfigError: an axis' EDS file does not exist, or the profile of its drive cannot be used.
     """
     from drivers import settings
 
@@ -105,36 +109,47 @@ def driver_settings(
     if named is not None:
         given["interface"], given["channel"] = named
     bus = settings.BusSettings(sync_source=given.pop("sync"), **given)
-    axes = tuple(
-        settings.AxisSettings(
-            name=name,
-            node=axis.node,
-            eds=eds_path(machine, name, axis),
-            rated_force=axis.drive.rated_force,
-            peak_force=axis.drive.peak_force,
-            travel=axis.travel,
-            **dict(axis.limits),
-            increment=axis.drive.position_unit,
-            encoder=axis.encoder.increment,
-            velocity_unit=axis.drive.velocity_unit or 0.0,
-            acceleration_unit=axis.drive.acceleration_unit or 0.0,
-            lead=axis.drive.lead or 0.0,
-            rated_force_unit=axis.drive.rated_force_unit,
-            modes=tuple(MODES[name] for name in axis.drive.modes or ()),
-            warnings=axis.drive.warnings,
-            heartbeat=axis.drive.heartbeat,
-            homing_method=axis.homing.method,
-            homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
-            options=axis.drive.options,
-            unwatched_host=axis.drive.unwatched_host == "accept",
-            boot_timeout=axis.drive.boot_timeout,
-            enable_timeout=axis.drive.enable_timeout,
-            revision=axis.drive.revision,
-            rotary=axis.rotary,
-        )
-        for name, axis in machine.axes.items()
-    )
+    axes = tuple(_driver_axis(machine, name, axis) for name, axis in machine.axes.items())
     return bus, axes
+
+
+def _driver_axis(machine: Machine, name: str, axis: Axis) -> drivers.settings.AxisSettings:
+    """The drivers' settings of an axis, with what the profile of its drive knows."""
+    from drivers import settings
+
+    eds = eds_path(machine, name, axis)
+    filled = fill(axis, profile_of(machine, name, None if axis.eds is None else eds))
+    drive = filled.drive
+    return settings.AxisSettings(
+        name=name,
+        node=axis.node,
+        eds=eds,
+        rated_force=drive.rated_force,
+        peak_force=drive.peak_force,
+        travel=axis.travel,
+        **dict(axis.limits),
+        increment=drive.position_unit,
+        encoder=axis.encoder.increment,
+        velocity_unit=drive.velocity_unit or 0.0,
+        acceleration_unit=drive.acceleration_unit or 0.0,
+        lead=drive.lead or 0.0,
+        rated_force_unit=drive.rated_force_unit,
+        modes=tuple(MODES[mode] for mode in drive.modes or ()),
+        csp_mode=filled.csp_mode,
+        confirms_homing=filled.homing_attained,
+        without_offset=filled.without_offset,
+        note=filled.note,
+        warnings=drive.warnings,
+        heartbeat=drive.heartbeat,
+        homing_method=axis.homing.method,
+        homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
+        options=drive.options,
+        unwatched_host=drive.unwatched_host == "accept",
+        boot_timeout=drive.boot_timeout,
+        enable_timeout=drive.enable_timeout,
+        revision=drive.revision,
+        rotary=axis.rotary,
+    )
 
 
 def eds_path(machine: Machine, name: str, axis: Axis) -> Path:

@@ -84,6 +84,9 @@ class StrictNode:
     def read(self, obj):
         return self.held[obj.index, obj.sub]
 
+    def read_if_offered(self, obj):
+        return self.held.get((obj.index, obj.sub))
+
     def write(self, obj, value):
         invalid = self.held[0x1800, 1] >> 31
         if obj.index == 0x1A00:

@@ -55,7 +55,7 @@ def test_an_eds_without_force_offset_leaves_it_out_of_the_rpdo(
         stage.boot()
         assert [scripted.drives[n].objects[0x1600, 0] for n in (X, Y)] == [2, 3]
         assert stage.limitations == (
-            "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
+            "axis x: 0x60B2:00 torque offset is not offered: nothing is compensated",
         )
 
 

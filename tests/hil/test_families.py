@@ -1,0 +1,143 @@
+"""Virtual drives that play a family by its profile, and each habit alone: driven, or refused.
+
+What is refused is refused before power, in one line.
+"""
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError, DriverError
+from hil_sim.cia301 import key
+from hil_sim.habits import Habits
+from stagectl.config import parse_machine
+from stagectl.config.profiles import families
+from tests.lockstep import open_on, switch_on
+
+ENABLE = 0x0F
+NO_CSP = "no csp: only moves by the drive's own profile"
+
+FAMILIES = {
+    "akd2g": "profile akd2g: the second axis of a device has its objects 0x800 higher",
+    "ax8000": "profile ax8000: forces are in 1/1000 of its standstill torque: rated_force has to",
+    "circulo": None,
+    "copley": "profile copley: fills velocity_unit: 1e-10",
+    "el72x1": "forces may have to be multiplied by 1 or 1.414: try check --move",
+    "elmo-gold": "profile elmo-gold: its EDS limits 0x1016",
+    "epos4": "profile epos4: fills modes: [pp, pv, hm, csp, cst], rated_force_unit",
+    "is620n": "profile is620n: the whole product code",
+    "jvl-mis": ConfigurationError("0x6041:00 statusword: has no bit 12 (homing attained)"),
+    "lenze-9400": "0x60B2:00 torque offset is not mapped (write of",
+    "lxm28e": "profile lxm28e: fills modes: [pp, pv, hm, csp]",
+    "pd4-e": ConfigurationError("0x60A8:00 SI unit position: one position unit is 2.77778e-06 m"),
+    "simpliq": NO_CSP,
+}
+"""What is said of each with a lead of 10 mm: a limitation, or why it is refused."""
+
+
+def with_lines(machine, *lines):
+    """The machine with these lines in both drive sections."""
+    text = machine.text
+    for force in ("rated_force: 40.0", "rated_force: 60.0"):
+        text = text.replace(force, "\n      ".join((*lines, force)))
+    return parse_machine(text, "m.yaml")
+
+
+def operate(machine, habits=None, **x):
+    """Home, enable, jog and stream; the limitations, controlwords sent to x, and the last samples.
+
+    With `habits` those of axis x, which the host knows nothing of.
+    """
+    drives, world = switch_on(machine, habits=habits)
+    drive, words, samples = drives.drives[0], [], None
+    acts = drive.dictionary.on_write[key(0x6040)]
+    drive.dictionary.on_write[key(0x6040)] = lambda word: (words.append(word), acts(word))
+    error = None
+    with open_on(world, machine, **x) as stage:
+        try:
+            stage.boot()
+            stage.home()
+            stage.enable()
+            goal = stage.positions[0] + 1e-4
+            stage.move_to("x", goal, velocity=0.01, acceleration=1.0)
+            assert stage.positions[0] == pytest.approx(goal, abs=3e-6)
+            if all(axis.streams for axis in stage.axes):
+                ramp = np.zeros((200, 2))
+                ramp[:, 0] = 25e-6 * (1 - np.cos(np.linspace(0, np.pi, 200)))
+                samples = stage.stream(np.array(stage.targets) + ramp, np.zeros_like(ramp))
+                moved = samples.position[-1, 0] - samples.position[0, 0]
+                assert moved == pytest.approx(50e-6, abs=3e-6)
+            stage.disable()
+        except DriverError as caught:
+            error = caught
+        return stage.limitations, words, samples, error
+
+
+def test_all_families_are_here():
+    assert sorted(FAMILIES) == families()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_family_is_operated_or_refused_before_power(family, stage_machine):
+    machine = with_lines(stage_machine, f"profile: {family}", "lead: 10 mm")
+    said, words, _, error = operate(machine)
+    expected = FAMILIES[family]
+    if isinstance(expected, ConfigurationError):
+        assert isinstance(error, ConfigurationError)
+        assert str(error).startswith(f"axis x: {expected}")
+        assert ENABLE not in words
+        return
+    assert error is None
+    of_x = [line for line in said if line.startswith("axis x: ")]
+    assert any(expected in line for line in of_x) if expected else not of_x
+
+
+HABITS = {
+    "no offset": (Habits(absent=(key(0x60B2),)), "0x60B2:00 torque offset is not offered: "),
+    "answers of four bytes": (Habits(long_answers=True), None),
+    "in sync": (Habits(in_sync=True), None),
+    "steps": (Habits(interpolates=False), None),
+    "one TPDO": (Habits(tpdos=1), None),
+    "two entries": (Habits(pdo_entries=2), "0x60"),
+    "wide offset": (Habits(wide=(key(0x60B2),)), "0x60B2:00 torque offset is not mapped"),
+    "no csp claimed": (Habits(values=((key(0x6502), 0x25),)), NO_CSP),
+    "no timeout": (
+        Habits(values=((key(0x6066), 0),), silent=(key(0x6066),)),
+        "0x6066:00 following error timeout is 0 s, not 0.01 s: the drive faults sooner",
+    ),
+    "only 1 ms": (Habits(only=((key(0x60C2, 2), -3),)), None),
+    "large forces": (Habits(force_factor=2**0.5), None),
+    "rated in uN": (
+        Habits(rated_force_unit=1e-6),
+        ConfigurationError("0x6076:00 motor rated torque: the drive says 40000 N"),
+    ),
+    "slow heartbeat": (
+        Habits(limits=((key(0x1017), 200, 0xFFFF),)),
+        ConfigurationError("0x1017:00 producer heartbeat time: write of 100 refused"),
+    ),
+    "csp is mode 9": (Habits(csp_mode=9), NO_CSP),
+    "csp is refused": (Habits(modes=(1, 6)), NO_CSP),
+    "csp and pp are refused": (
+        Habits(modes=(6,), values=((key(0x6502), 0xA0),)),
+        ConfigurationError("0x6060:00 modes of operation: write of 8 refused"),
+    ),
+}
+"""Each habit, of a drive that the host has no profile of, and what is said."""
+
+
+@pytest.mark.parametrize("habit", HABITS)
+def test_a_habit_alone(habit, stage_machine):
+    habits, expected = HABITS[habit]
+    said, words, _, error = operate(stage_machine, habits)
+    if isinstance(expected, DriverError):
+        assert str(error).startswith(f"axis x: {expected}")
+        assert ENABLE not in words
+        return
+    assert error is None
+    assert [line for line in said if line.startswith("axis x: ")] == [
+        line for line in said if expected is not None and line.startswith(f"axis x: {expected}")
+    ]
+
+
+def test_csp_by_another_mode_where_the_profile_says_so(stage_machine):
+    *_, error = operate(stage_machine, Habits(csp_mode=9), csp_mode=9)
+    assert error is None
