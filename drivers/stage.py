@@ -20,7 +20,7 @@ import numpy as np
 from drivers.boot import Boot
 from drivers.canopen import MonotonicClock, Network, Tap, open_bus
 from drivers.cyclic import Cycle, OffsetCorrection, RealTime, Sink, Until
-from drivers.drive import Axis
+from drivers.drive import Axis, Mode
 from drivers.errors import BusError, ConfigurationError, DriverError
 from drivers.motion import CyclicModes, Homing, Power, ProfileMoves, ProfilePosition, SafeStop
 from drivers.settings import AxisSettings, BusSettings
@@ -266,6 +266,11 @@ class Stage:
         """
         self._pp.check(axis, velocity, acceleration)
 
+    @property
+    def streams(self) -> bool:
+        """Whether all drives of the booted stage offer csp; else they hold and move in pp."""
+        return all(axis.streams for axis in self.axes)
+
     def require_csp(self) -> None:
         """Checks, before power, that the booted stage can stream positions.
 
@@ -313,7 +318,10 @@ class Stage:
             AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
         """
         self._power.require_enabled()
-        self._stopping.halt()
+        if self._power.mode is Mode.PROFILE_POSITION:
+            self._pp.halt()
+        else:
+            self._stopping.halt()
 
     @_exclusive
     def reset_faults(self) -> None:
@@ -483,6 +491,33 @@ class Stage:
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
         self._pp.move_to(axis, position, velocity, acceleration, relative)
+
+    @_exclusive
+    def stream_to(
+        self,
+        targets: Sequence[float],
+        velocity: Sequence[float],
+        acceleration: Sequence[float],
+        until: Until | None = None,
+    ) -> Samples:
+        """Moves all axes at once by their drives' own profiles (pp), with a sample of every SYNC.
+
+        For a stage that holds in pp, having a drive without csp. The samples' demand is the target,
+        from the first one on.
+
+        Args:
+            targets: [m], one per axis.
+            velocity: of each axis' profile [m/s].
+            acceleration: of each axis' profile, also for braking [m/s^2].
+            until: gets the actual positions [m] after each SYNC; True halts the axes where they
+                come to rest.
+
+        Raises:
+            LimitError: outside an axis' limits; nothing was sent.
+            AxisFault: the stage is not enabled in pp, an axis faulted or did not arrive; all axes
+                are stopped.
+        """
+        return self._pp.stream_to(targets, velocity, acceleration, until, self.sink)
 
     @contextmanager
     def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:

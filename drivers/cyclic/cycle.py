@@ -193,20 +193,28 @@ class Cycle:
             BusError: the bus fails.
             AxisFault: an axis leaves OPERATION ENABLED or raises an alarm, or its data are missing.
         """
-        writer = SampleWriter(self.channels, rows, sink, self.sync.reception.accepts_tardy)
         corrected = None if planned is None else self.corrected
         if corrected is not None and planned is not None:
             setpoints = corrected.rows(targets, planned)
         else:
             setpoints = planned_rows(self.channels, targets, offsets)
         try:
+            self.stream_rows(setpoints, rows, sink, until)
+        finally:
+            if corrected is not None:
+                corrected.end()
+
+    def stream_rows(
+        self, setpoints: Iterator[Row], rows: array[int], sink: Sink | None, until: Until | None
+    ) -> None:
+        """As `stream`, with rows that are made one by one, each after the sample before it."""
+        writer = SampleWriter(self.channels, rows, sink, self.sync.reception.accepts_tardy)
+        try:
             self._stream(setpoints, writer, until)
             if writer.waiting:
                 self.sync.await_tpdos()
         finally:
             writer.flush()
-            if corrected is not None:
-                corrected.end()
 
     def _stream(self, rows: Iterator[Row], writer: SampleWriter, until: Until | None) -> None:
         channels = self.channels

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from drivers.cyclic import Channel, Cycle
+from drivers.cyclic import Channel, Cycle, Sink, Until, decode_rows
 from drivers.drive import Control, Mode
+from drivers.errors import AxisFault
 from drivers.motion.limits import Setpoint, check_profile, checked_profile
 from drivers.motion.power import Power
 from drivers.motion.profile_moves import ProfileMoves
+from drivers.motion.profile_stream import Approach, profile_rows
 from drivers.motion.safe_stop import SafeStop
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
@@ -18,6 +21,8 @@ from drivers.motion.setpoint_handshake import (
     await_target,
     hand_over,
 )
+from drivers.motion.standstill import brake
+from stagedata import Samples
 
 
 class ProfilePosition:
@@ -56,6 +61,50 @@ class ProfilePosition:
             self._power.enter(Mode.PROFILE_POSITION)
             self._move(channel, setpoints)
         self._return_to_csp()
+
+    def stream_to(
+        self,
+        targets: Sequence[float],
+        velocity: Sequence[float],
+        acceleration: Sequence[float],
+        until: Until | None,
+        sink: Sink | None,
+    ) -> Samples:
+        """Moves all axes to their targets at once, with a sample of every SYNC."""
+        self._power.require_enabled()
+        if self._power.mode is not Mode.PROFILE_POSITION:
+            raise AxisFault("the stage is not in pp", axis=self._cycle.axes[0].name)
+        channels, period, rows = self._cycle.channels, self._cycle.period, array("q")
+        checked = [
+            checked_profile(c.axis.settings, c.target * c.axis.increment, [t], v, a, False)[0]
+            for c, t, v, a in zip(channels, targets, velocity, acceleration, strict=True)
+        ]
+        with self._stopping.on_failure():
+            approaches = []
+            for c, s, v, a in zip(channels, checked, velocity, acceleration, strict=True):
+                if s.target != c.target:
+                    slower = c.axis.set_profile(v, a)
+                    timed = replace(s, duration=slower * s.duration)
+                    approaches.append(Approach(c, timed, period))
+            self._cycle.stream_rows(profile_rows(channels, approaches), rows, sink, until)
+            if not all(approach.is_done for approach in approaches):
+                self.halt()
+        return decode_rows(rows, self._cycle.axes)
+
+    def halt(self) -> None:
+        """Halts all axes, which are enabled in pp; where they come to rest is their target then.
+
+        A drive whose halt ends goes on to the target that it has: it gets another one before.
+        """
+        bits = int(Control.CHANGE_IMMEDIATELY | Control.HALT)
+        with self._stopping.on_failure():
+            brake(self._cycle, self._stopping.halt_timeout)
+            for channel in self._cycle.channels:
+                here = Setpoint(channel.position, channel.position, 0.0)
+                hand_over(self._cycle, channel, here, bits, HANDSHAKE_TIMEOUT)
+            for channel in self._cycle.channels:
+                channel.controlword &= ~int(Control.HALT)
+            self._cycle.exchange()
 
     def check(self, axis: str, velocity: float, acceleration: float) -> None:
         """Checks that the drive can make such moves; nothing is changed."""

@@ -54,7 +54,12 @@ class SafeStop:
             AxisFault: an axis does not come to rest; all are stopped.
         """
         with self.on_failure():
-            halt(self._cycle, 10 * self.braking_time + HOLDING_TIMEOUT)
+            halt(self._cycle, self.halt_timeout)
+
+    @property
+    def halt_timeout(self) -> float:
+        """Longest time in which axes come to rest by a halt [s]."""
+        return 10 * self.braking_time + HOLDING_TIMEOUT
 
     def disable(self) -> None:
         """Ramps the force offsets to 0, then switches the power of all axes off.

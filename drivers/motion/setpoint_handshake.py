@@ -18,6 +18,7 @@ from drivers.motion.limits import Setpoint
 HANDSHAKE_TIMEOUT = 0.5
 NEAR = 5e-6
 """A drive that does not acknowledge counts as moving after this distance [m]."""
+NOT_ACKNOWLEDGED = "statusword bit 12 in pp is not offered: setpoints are not acknowledged"
 SETTLING_TIMEOUT = 2.0
 """Beyond the profile's own duration [s]."""
 
@@ -69,9 +70,7 @@ def hand_over(
         if not moved or channel.state is not State.OPERATION_ENABLED:
             raise unanswered
         acknowledged = False
-        channel.axis.add_limitation(
-            "statusword bit 12 in pp is not offered: setpoints are not acknowledged"
-        )
+        channel.axis.add_limitation(NOT_ACKNOWLEDGED)
     channel.controlword = word
     if not acknowledged or bits & Control.CHANGE_IMMEDIATELY:
         _wait(cycle, channel, acknowledge, False, HANDSHAKE_TIMEOUT, "did not release")
@@ -96,7 +95,7 @@ def await_target(cycle: Cycle, channel: Channel, setpoint: Setpoint, timeout: fl
             was_clear = True
         elif was_clear or abs(channel.position - setpoint.end) <= near:
             return
-    raise _timed_out(channel, "did not reach", timeout)
+    raise timed_out(channel, "did not reach", timeout)
 
 
 def check_enabled(channel: Channel) -> None:
@@ -119,10 +118,11 @@ def _wait(
     for _ in _samples(cycle, channel, timeout):
         if bool(channel.statusword & bit) is level:
             return
-    raise _timed_out(channel, failure, timeout)
+    raise timed_out(channel, failure, timeout)
 
 
-def _timed_out(channel: Channel, failure: str, timeout: float) -> AxisFault:
+def timed_out(channel: Channel, failure: str, timeout: float) -> AxisFault:
+    """The error of a drive that did not do something with its setpoint within `timeout` [s]."""
     return AxisFault(
         f"the drive {failure} setpoint {channel.target} within {timeout:g} s "
         f"(statusword 0x{channel.statusword:04X})",

@@ -236,7 +236,7 @@ def find_measurement(
         try:
             with compiled_by_two(request.machine, truth, lambda _: None):
                 return measure_virtual_stage(request.machine, truth, announce)
-        except RunFault as fault:
+        except (RunFault, UnusableInput) as fault:
             announce(f"the virtual stage could not be measured, so it has no observer: {fault}")
             return None
     beside = response_path(request.machine, machine)

@@ -17,7 +17,7 @@ from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
 from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.measurement import never_checked
-from stagectl.recipe import plan_from
+from stagectl.recipe import Excite, plan_from
 from stagectl.run.access import StageAccess
 from stagectl.run.checks import Checked, Substitutes
 from stagectl.run.listener import Listener
@@ -39,6 +39,12 @@ from stagectl.sequencer import (
     StopNoticed,
 )
 from stagectl.store import BusLog
+
+BY_PROFILE = (
+    "moves go by the drives' own profiles (pp): nothing is compensated, and errors and settling "
+    "count from the moment a target is handed over"
+)
+"""Of a run with a drive without csp."""
 
 
 class _EarlyStop(KeyboardInterrupt):
@@ -156,7 +162,7 @@ class Session:
                 record.start()
                 for text in (*self._unchecked(), *stage.limitations):
                     self._on_event(Limitation(text))
-                stage.require_csp()
+                self._use_profiles(stage)
                 for phase, step in access.make_ready(stage):
                     listener.phase(phase)
                     step()
@@ -199,6 +205,20 @@ class Session:
                 record.note_limitations((*observers.failures(), *observers.findings()))
                 record.journal.event("feedforward", axes=observers.learned())
                 self._keep_out(observers)
+
+    def _use_profiles(self, stage: Stage) -> None:
+        """Where a drive does not offer csp: moves by the drives' own profiles, if the recipe can.
+
+        Raises:
+            ConfigurationError: it cannot; before power.
+        """
+        if stage.streams:
+            return
+        recipe = self._request.recipe
+        if recipe.excursions or any(isinstance(step, Excite) for step in plan_from(recipe, 0)):
+            stage.require_csp()
+        self._observers = None
+        self._on_event(Limitation(BY_PROFILE))
 
     def _unchecked(self) -> list[str]:
         """On a real stage: which axes were never checked by a move."""

@@ -147,9 +147,10 @@ class Mover:
         Returns:
             False where a stop was asked for: the stage is then at rest short of the target.
         """
+        limits = [_within(profile, axis.limits) for axis in self._axes]
         motion = [
-            plan(float(start), end, _within(profile, axis.limits))
-            for start, end, axis in zip(self.target, target, self._axes, strict=True)
+            plan(float(start), end, within)
+            for start, end, within in zip(self.target, target, limits, strict=True)
         ]
         duration = max(m.duration for m in motion)
         count = math.ceil(duration / self._period) + 1
@@ -161,6 +162,8 @@ class Mover:
         motions = self._friction.begin(place, motion, demand, self.time)
         offset = self._force_offsets(motions)
         announce(self._begin(kind, target, count, site))
+        if not self._streamer.follows:
+            return self._move_by_profile(target, limits, count)
         done = self._stream_and_revise(motions, demand, offset)
         self._offset = offset[done - 1]
         if done < count:
@@ -169,6 +172,24 @@ class Mover:
             return False
         self.target = np.array(target)
         return True
+
+    def _move_by_profile(
+        self, target: Sequence[float], limits: Sequence[Limits], count: int
+    ) -> bool:
+        """Move by the drives' own profiles, without force offsets; `move_to` has planned it.
+
+        Args:
+            target: of all axes [m].
+            limits: of each axis' profile.
+            count: least number of samples, which the move was announced with.
+        """
+        before = self.samples
+        if not self._streamer.stream_to(target, limits):
+            self.target = np.array(self._streamer.targets, dtype=np.float64)
+            return False
+        self._reset()
+        left = max(0, count - (self.samples - before))
+        return not self.hold(left * self._period)
 
     def excite(self, axis: int, displacement: F64, announce: Callable[[Move], object]) -> bool:
         """Shake one axis around the target, the force offsets as they are.

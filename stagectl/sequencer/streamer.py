@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from estimation.trajectory import Limits
 from stagectl.errors import RunFault
 from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
 from stagectl.sequencer.samples.sample_validity import mean_force, without_late
@@ -29,8 +30,21 @@ class StagePort(Protocol):
     def targets(self) -> tuple[float, ...]:
         """Target positions sent last [m]."""
 
+    @property
+    def streams(self) -> bool:
+        """Whether the drives follow setpoints; else they move by their own profiles (pp)."""
+
     def stream(self, position: F64, offset: F64, until: Until | None = None) -> Samples:
         """Send one setpoint pair per SYNC, [m] and [N], shape (K, n); `until` ends it early."""
+
+    def stream_to(
+        self,
+        targets: Sequence[float],
+        velocity: Sequence[float],
+        acceleration: Sequence[float],
+        until: Until | None = None,
+    ) -> Samples:
+        """Move by the drives' own profiles, [m], [m/s], [m/s^2]; `until` ends it early."""
 
 
 class Streamer:
@@ -119,21 +133,53 @@ class Streamer:
             return self._send(demand, offset, lambda _: stop())
         return self._send(demand, offset, lambda position: until(position) or stop())
 
+    @property
+    def follows(self) -> bool:
+        """Whether the drives follow setpoints; else they move by their own profiles."""
+        return self._stage.streams
+
+    def stream_to(self, targets: Sequence[float], limits: Sequence[Limits]) -> bool:
+        """Move all axes to their targets by their drives' own profiles, and keep the samples.
+
+        The drives watch the following error: their demand is not known here.
+
+        Args:
+            targets: [m].
+            limits: of each axis' profile.
+
+        Returns:
+            False where a stop was asked for: the axes are then at rest on the way.
+        """
+        stopped = False
+
+        def until(_: tuple[float, ...]) -> bool:
+            nonlocal stopped
+            stopped = self._stop()
+            return stopped
+
+        speeds, rates = [of.velocity for of in limits], [of.acceleration for of in limits]
+        samples = without_late(self._stage.stream_to(targets, speeds, rates, until))
+        self._keep(samples, np.zeros((len(samples), len(self._names))))
+        return not stopped
+
     def stream_to_rest(self, demand: F64, offset: F64) -> None:
         """The same to the end, whoever asks for a stop meanwhile."""
         self._send(demand, offset, lambda _: False)
 
     def _send(self, demand: F64, offset: F64, until: Until) -> int:
         samples = without_late(self._stage.stream(demand, offset, until))
-        self._blocks.append(samples)
-        self._planned.append(offset[: len(samples)].copy())
-        self.samples += len(samples)
+        self._keep(samples, offset[: len(samples)].copy())
         check_following_error(samples, demand, self._names, self._windows)
+        return len(samples)
+
+    def _keep(self, samples: Samples, planned: F64) -> None:
+        self._blocks.append(samples)
+        self._planned.append(planned)
+        self.samples += len(samples)
         latest = samples
         if len(samples) < REST_SAMPLES:
             latest = Samples.concatenate([self._latest, samples])
         self._latest = latest.tail(REST_SAMPLES)
-        return len(samples)
 
 
 def check_following_error(

@@ -15,6 +15,8 @@ class Echo:
     Samples arrive 0.2 ms after their SYNC, those of `straggling` 15 us later.
     """
 
+    streams = True
+
     targets = (0.0,)
 
     def __init__(self, skip=(), late=(), straggling=()):

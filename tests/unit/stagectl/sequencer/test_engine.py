@@ -57,6 +57,8 @@ class BareStage:
         self.offsets = []
         self.at_sample = {}
 
+    streams = True
+
     @property
     def targets(self):
         return (0.0, 0.0)
