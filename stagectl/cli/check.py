@@ -11,6 +11,8 @@ import click
 
 from stagectl.cli.bus_access import Bench
 from stagectl.cli.console import make_table, show_result
+from stagectl.cli.file_kinds import PROFILE
+from stagectl.cli.files import Output
 from stagectl.cli.options import JSON_OUT, option, takes
 from stagectl.cli.signals import interruptible
 from stagectl.errors import StagectlError
@@ -24,13 +26,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Move:
-    """Of the check by a move."""
+    """Of the check by a move, and of what is learned."""
 
     move: bool = option(
         "Instead, move the axis by 0.1 mm and back, after a question, and compare scale and sign.",
         default=False,
     )
     yes: bool = option("Move without asking.", default=False)
+    learn: bool = option(
+        "Instead, write a drive profile of what the drive says and takes; what is tried is "
+        "restored. With --move also of what moves show: it is homed, shaken and slides.",
+        default=False,
+    )
+    out: Path | None = option(
+        "File of the profile.  [default: drives/IDENTITY.yaml beside the machine file]",
+        Output(PROFILE),
+    )
 
 
 @click.command
@@ -58,6 +69,13 @@ def command(
     """
     if how.yes and not how.move:
         raise click.UsageError("--yes needs --move")
+    if how.out is not None and not how.learn:
+        raise click.UsageError("--out needs --learn")
+    if how.learn:
+        from stagectl.cli.check_learn import learn_profile
+
+        learn_profile(bench, node, how.move, how.yes, how.out)
+        return
     if how.move:
         _check_by_move(bench, node, how.yes, json_out)
         return

@@ -75,6 +75,7 @@ HTML = FileKind("an HTML page", lambda head, _: head.lstrip().lower().startswith
 RECORDING = FileKind("a recording", lambda head, _: head.startswith(b"\x89HDF\r\n\x1a\n"))
 MACHINE_FILE = FileKind("a machine file", _has_key("bus"))
 RECIPE_FILE = FileKind("a recipe", _has_key("recipe"))
+PROFILE = FileKind("a drive profile", _has_key("family"))
 FRAME_LOG = FileKind("a log of frames", lambda head, _: _FRAMES.match(head) is not None)
 TABLE = FileKind("a table", _is_table)
 PAGE = FileKind("a generated page", _says(b"stagectl paper --out", b"stagectl gap blind"))

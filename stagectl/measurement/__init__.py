@@ -12,8 +12,11 @@ from stagectl.measurement.document import parse_measurement as parse_measurement
 from stagectl.measurement.document import response_path as response_path
 from stagectl.measurement.findings import AxisFindings as AxisFindings
 from stagectl.measurement.findings import find_contradictions as find_contradictions
+from stagectl.measurement.learned import facts_of_response as facts_of_response
+from stagectl.measurement.learned import facts_of_scale as facts_of_scale
 from stagectl.measurement.procedure import identify as identify
 from stagectl.measurement.procedure import measure_on_bus as measure_on_bus
+from stagectl.measurement.procedure import measure_stage as measure_stage
 from stagectl.measurement.scale import Compared as Compared
 from stagectl.measurement.scale import check_scale as check_scale
 from stagectl.measurement.scale import never_checked as never_checked

@@ -31,6 +31,8 @@ _TIME, _REST = 0.4, 0.1
 """Of a streamed move, and before and after it [s]."""
 _SHARE, _STEP, _STEPS, _LAGS = 0.3, 20, 10, 8
 """Force offset over the Coulomb force, SYNCs per step, steps, SYNCs in which a step must show."""
+OFFSET, PUSH = "force offset, N", "its direction, m"
+"""What is compared of force offsets."""
 _UNITS = ("rated_force", "position_unit", "velocity_unit", "acceleration_unit", "lead")
 
 
@@ -128,9 +130,8 @@ def _streamed(stage: Stage, axis: Axis, way: float, coulomb: float) -> list[Comp
 
 def _pushed(stage: Stage, axis: Axis, coulomb: float) -> list[Compared]:
     """What steps of the force offset do to force and position."""
-    what = ("force offset, N", "its direction")
     if not axis.accepts_force_offset:
-        return [Compared(what[0], None, None, None, "0x60B2 is not offered")]
+        return [Compared(OFFSET, None, None, None, "0x60B2 is not offered")]
     asked = min(_SHARE * coulomb, axis.settings.peak_force / 4)
     signs = np.repeat([(-1.0) ** n for n in range(2 * _STEPS)], _STEP)
     offset = np.concatenate((np.zeros(_STEP), asked * signs, np.zeros(2 * _STEP)))[:, None]
@@ -146,10 +147,10 @@ def _pushed(stage: Stage, axis: Axis, coulomb: float) -> list[Compared]:
         return max(changes, key=abs)
 
     moved = after(samples.position[:, 0])
-    found = [Compared(what[1] + ", m", None, moved, moved > 0, "the axis has to give way to it")]
+    found = [Compared(PUSH, None, moved, moved > 0, "the axis has to give way to it")]
     if axis.reports_force:
         acting = after(samples.force[:, 0]) / 2
-        found.insert(0, Compared(what[0], asked, acting, 0.5 < acting / asked < 2.0))
+        found.insert(0, Compared(OFFSET, asked, acting, 0.5 < acting / asked < 2.0))
     return found
 
 

@@ -1,7 +1,7 @@
 """Drive profiles: what is known of a family of drives, each fact with its source (docs/drives.md).
 
 `model` is the file, `library` finds the one of a drive, `fill` lets it fill what a machine file
-leaves open.
+leaves open, `writing` renders one that was learned.
 """
 
 from stagectl.config.profiles.fill import Filled as Filled
@@ -13,3 +13,5 @@ from stagectl.config.profiles.library import parse_profile as parse_profile
 from stagectl.config.profiles.library import profile_of as profile_of
 from stagectl.config.profiles.model import Fact as Fact
 from stagectl.config.profiles.model import Profile as Profile
+from stagectl.config.profiles.writing import family_of as family_of
+from stagectl.config.profiles.writing import render_profile as render_profile

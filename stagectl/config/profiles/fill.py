@@ -16,6 +16,8 @@ from stagectl.config.profiles.model import Profile
 _KEYS = ("modes", "heartbeat", "boot_timeout", "enable_timeout", "warnings")
 """Keys of a machine file's drive section that a profile states as they are."""
 _RATES = ("velocity_unit", "acceleration_unit")
+_LEAST = 0.1
+"""Factors nearer to 1 than this are not worth a word."""
 CSP = 8
 """Value of 0x6060 that selects csp (CiA 402)."""
 
@@ -118,10 +120,12 @@ def _warnings(profile: Profile) -> Iterator[str]:
         yield f"csp is selected by mode {profile.csp_mode.value}"
     if profile.force_of is not None and profile.force_of.value != "rated torque":
         yield f"forces are in 1/1000 of its {profile.force_of.value}: rated_force has to be that"
-    if profile.force_factors is not None:
+    if profile.force_factors is not None and any(
+        abs(factor - 1.0) > _LEAST for factor in profile.force_factors.value
+    ):
         factors = " or ".join(f"{f:.4g}" for f in profile.force_factors.value)
         yield f"forces may have to be multiplied by {factors}: try check --move"
-    if profile.demand_delay is not None and abs(profile.demand_delay.value) >= 0.5:
+    if profile.demand_delay is not None and profile.demand_delay.value >= 0.5:
         yield f"csp follows {profile.demand_delay.value:g} SYNCs late"
     if profile.interpolates is not None and not profile.interpolates.value:
         yield "csp steps from setpoint to setpoint"
