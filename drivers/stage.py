@@ -253,6 +253,8 @@ class Stage:
     def check_move_to(self, axis: str, velocity: float, acceleration: float) -> None:
         """Checks, before power, that `move_to` can move an axis of the booted stage.
 
+        The profile is written to the drive, which shows whether it takes it.
+
         Args:
             axis: its name.
             velocity: of the profile [m/s].
@@ -261,8 +263,9 @@ class Stage:
         Raises:
             LimitError: velocity or acceleration is outside the axis' limits, or nothing in the
                 drive's units.
-            ConfigurationError: its drive lacks mode pp, or an object of its profile.
-            NodeError: no answer.
+            ConfigurationError: its drive lacks mode pp or an object of its profile, or holds a
+                faster one.
+            NodeError: no answer, or the drive refuses the profile.
         """
         self._pp.check(axis, velocity, acceleration)
 

@@ -24,6 +24,10 @@ def adopt(dictionary: Dictionary, habits: Habits) -> None:
     for number in range(habits.tpdos or _PDOS, _PDOS):
         preset[key(0x1800 + number, 1)] = _INVALID
         absent |= {k for k in dictionary.variables if k >> 8 in (0x1800 + number, 0x1A00 + number)}
+    for mapping in (base + number for base in (0x1600, 0x1A00) for number in range(_PDOS)):
+        entries = {dictionary.integer(key(mapping, sub)) >> 8 for sub in range(1, 9)}
+        if entries & absent:  # nobody can map what is not there
+            preset[key(mapping)] = 0
     dictionary.preset(preset)
     for k in absent & dictionary.variables.keys():
         del dictionary.variables[k]

@@ -13,7 +13,10 @@ _names = (f"lockstep-{n}" for n in itertools.count())
 
 
 class Altered:
-    """A node's connection on which `alter` makes of each frame's data what gets out, or None."""
+    """A node's connection on which `alter` makes of each frame's data what gets out, or None.
+
+    A list is of as many frames.
+    """
 
     def __init__(self, world, alter):
         self.world, self.alter = world, alter
@@ -25,7 +28,8 @@ class Altered:
     def emit(self, can_id, data):
         altered = self.alter(can_id, data)
         if altered is not None:
-            self.world.emit(can_id, altered)
+            for frame in altered if isinstance(altered, list) else [altered]:
+                self.world.emit(can_id, frame)
 
     def __getattr__(self, name):
         return getattr(self.world, name)

@@ -28,6 +28,8 @@ HEARTBEAT_PRODUCER_MS = 100
 _HEARTBEATS = 3.5
 """Periods after which a node counts as silent."""
 
+_ANSWERS = (0x40, 0x80)
+"""Services of SDO answers to a request for an object: its value, an abort."""
 _OPERATIONAL, _PRE_OPERATIONAL = 5, 127
 
 
@@ -170,18 +172,22 @@ class Node(RemoteObjects):
         )
 
     @contextmanager
-    def _counted_answers(self) -> Iterator[Counter[bytes]]:
-        """Counts the answers to the reads inside, by object."""
-        answers: Counter[bytes] = Counter()
+    def _counted_answers(self) -> Iterator[Counter[tuple[int, int]]]:
+        """Counts the answers to each request inside, by object: 1, or more by other devices."""
+        answers: Counter[tuple[int, int]] = Counter()
+        before = self._sdo.asked.copy()
 
         def count(can_id: int, data: bytearray, timestamp: float) -> None:
-            answers[bytes(data[1:4])] += 1
+            if len(data) == 8 and data[0] & 0xE0 in _ANSWERS:
+                answers[data[1] | data[2] << 8, data[3]] += 1
 
         self._network.subscribe(0x580 + self.id, count)
         try:
             yield answers
         finally:
             self._network.unsubscribe(0x580 + self.id, count)
+            for asked in answers:  # a lost answer is asked for again
+                answers[asked] -= max(0, self._sdo.asked[asked] - before[asked] - 1)
 
     def _check_identity(self) -> None:
         info = self.dictionary.device_information

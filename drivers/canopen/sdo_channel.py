@@ -10,7 +10,7 @@ after this answer no late one can follow.
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -51,6 +51,9 @@ class SdoChannel:
         network: to send on; its `watchers` and subscription of 0x580 + node are used.
         node_id: 1..127.
         timeout: for each answer [s of the network's clock].
+
+    Attributes:
+        asked: how often each object was asked for.
     """
 
     def __init__(self, network: Network, node_id: int, timeout: float = TIMEOUT) -> None:
@@ -64,6 +67,7 @@ class SdoChannel:
         self._fence: tuple[int, int] | None = None
         self._unanswered: list[tuple[int, int]] = []  # objects, since the last fence
         self._deadline = 0
+        self.asked: Counter[tuple[int, int]] = Counter()
         network.subscribe(0x580 + node_id, self._on_answer)
         network.watchers.append(self._service)
 
@@ -181,14 +185,15 @@ class SdoChannel:
                 return
             job = self._job = self._waiting.popleft()
         if not self._unanswered:
-            self._begin(job.begin())
+            self._begin(job.begin(), job.object)
             return
         del self._unanswered[: -len(_FENCES) + 1]  # older answers are several timeouts late
         self._fence = next(f for f in _FENCES if f not in self._unanswered)
-        self._begin(sdo.upload(*self._fence))
+        self._begin(sdo.upload(*self._fence), self._fence)
 
-    def _begin(self, transfer: Transfer) -> None:
+    def _begin(self, transfer: Transfer, obj: tuple[int, int]) -> None:
         self._transfer = transfer
+        self.asked[obj] += 1
         self._submit(next(transfer))
 
     def _submit(self, frame: bytes | None) -> None:
@@ -218,7 +223,7 @@ class SdoChannel:
         if self._fence is not None:  # a refusal is an answer, too
             self._fence = None
             self._unanswered.clear()
-            self._begin(job.begin())
+            self._begin(job.begin(), job.object)
             return
         if error is None:
             self._send(job.closing)

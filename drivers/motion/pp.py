@@ -107,10 +107,11 @@ class ProfilePosition:
             self._cycle.exchange()
 
     def check(self, axis: str, velocity: float, acceleration: float) -> None:
-        """Checks that the drive can make such moves; nothing is changed."""
+        """Checks that the drive can make such moves: its profile is written, nothing moves."""
         chosen = self._cycle.channel(axis).axis
         check_profile(chosen.settings, velocity, acceleration)
         chosen.check_mode(Mode.PROFILE_POSITION)
+        chosen.set_profile(velocity, acceleration)
 
     def _move(self, channel: Channel, setpoints: Sequence[Setpoint]) -> None:
         """Moves an enabled axis along the setpoints.

@@ -18,6 +18,7 @@ from drivers.motion.setpoint_handshake import (
     NEAR,
     NOT_ACKNOWLEDGED,
     SETTLING_TIMEOUT,
+    is_at,
     timed_out,
 )
 
@@ -46,7 +47,6 @@ class Approach:
         self._phase, self._since = _Phase.READY, 0
         self._near = round(NEAR / channel.axis.increment)
         self._before = channel.position
-        self._was_clear = False
         channel.target, channel.offset, channel.controlword = setpoint.target, 0, _WORD
 
     @property
@@ -64,8 +64,6 @@ class Approach:
         self._since += 1
         acknowledged = bool(channel.valid and channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
         reached = bool(channel.valid and channel.statusword & Status.TARGET_REACHED)
-        if self._phase in (_Phase.TAKEN, _Phase.MOVING) and channel.valid and not reached:
-            self._was_clear = True
         match self._phase:
             case _Phase.READY if self._since > 2 and not acknowledged:
                 channel.controlword = _WORD | int(Control.NEW_SETPOINT)
@@ -79,7 +77,7 @@ class Approach:
                 self._enter(_Phase.MOVING)
             case _Phase.TAKEN if waited > HANDSHAKE_TIMEOUT:
                 raise timed_out(channel, "did not release", HANDSHAKE_TIMEOUT)
-            case _Phase.MOVING if reached and (self._was_clear or self._is_near):
+            case _Phase.MOVING if reached and is_at(channel, self._setpoint):
                 self._enter(_Phase.DONE)
             case _Phase.MOVING if waited > self._setpoint.duration + SETTLING_TIMEOUT:
                 raise timed_out(
@@ -88,10 +86,6 @@ class Approach:
 
     def _enter(self, phase: _Phase) -> None:
         self._phase, self._since = phase, 0
-
-    @property
-    def _is_near(self) -> bool:
-        return abs(self._channel.position - self._setpoint.end) <= self._near
 
     def _has_moved(self, waited: float) -> bool:
         """Whether a drive that has not acknowledged in time moves all the same.
@@ -102,7 +96,7 @@ class Approach:
         channel = self._channel
         if waited <= HANDSHAKE_TIMEOUT:
             return False
-        moved = self._is_near or abs(channel.position - self._before) > self._near
+        moved = is_at(channel, self._setpoint) or abs(channel.position - self._before) > self._near
         if not moved or channel.state is not State.OPERATION_ENABLED:
             raise timed_out(channel, "did not acknowledge", HANDSHAKE_TIMEOUT)
         channel.axis.add_limitation(NOT_ACKNOWLEDGED)

@@ -80,22 +80,24 @@ def hand_over(
 
 
 def await_target(cycle: Cycle, channel: Channel, setpoint: Setpoint, timeout: float) -> None:
-    """Waits for bit 10 (target reached), at most `timeout` [s].
+    """Waits for bit 10 (target reached) where the axis is at its target, at most `timeout` [s].
 
-    It may still be set for the previous target, so it counts after it was clear, or where the axis
-    is at its target: a move shorter than a SYNC period may never show it clear.
+    The bit alone may be of the previous target, or of one that the drive has in its place.
 
     Raises:
         AxisFault: the target is not reached in time, or the axis faults.
     """
-    near = round(NEAR / channel.axis.increment)
-    was_clear = False
     for _ in _samples(cycle, channel, timeout):
-        if not channel.statusword & Status.TARGET_REACHED:
-            was_clear = True
-        elif was_clear or abs(channel.position - setpoint.end) <= near:
+        if channel.statusword & Status.TARGET_REACHED and is_at(channel, setpoint):
             return
     raise timed_out(channel, "did not reach", timeout)
+
+
+def is_at(channel: Channel, setpoint: Setpoint) -> bool:
+    """Whether the axis is where a setpoint leads, as near as its position window has it."""
+    axis = channel.axis
+    near = max(NEAR, axis.settings.position_window) / axis.increment
+    return abs(channel.position - setpoint.end) <= near
 
 
 def check_enabled(channel: Channel) -> None:

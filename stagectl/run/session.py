@@ -210,13 +210,21 @@ class Session:
         """Where a drive does not offer csp: moves by the drives' own profiles, if the recipe can.
 
         Raises:
-            ConfigurationError: it cannot; before power.
+            ConfigurationError, NodeError: it cannot, or a drive does not take its profiles; before
+                power.
         """
         if stage.streams:
             return
         recipe = self._request.recipe
         if recipe.excursions or any(isinstance(step, Excite) for step in plan_from(recipe, 0)):
             stage.require_csp()
+        for axis in stage.axes:
+            limits = axis.settings
+            for profile in (recipe.macro, recipe.micro):
+                speed = min(profile.velocity, limits.velocity)
+                stage.check_move_to(
+                    axis.name, speed, min(profile.acceleration, limits.acceleration)
+                )
         self._observers = None
         self._on_event(Limitation(BY_PROFILE))
 

@@ -42,19 +42,23 @@ def with_lines(machine, *lines):
     return parse_machine(text, "m.yaml")
 
 
-def operate(machine, habits=None, **x):
+def operate(machine, habits=None, alter=None, script=None, **x):
     """Home, enable, jog and stream; the limitations, controlwords sent to x, and the last samples.
 
-    With `habits` those of axis x, which the host knows nothing of.
+    The host knows nothing of `habits` of axis x, of what `alter` does to its drive, and `script` to
+    the frames that the drives send.
     """
-    drives, world = switch_on(machine, habits=habits)
+    drives, world = switch_on(machine, habits=habits, alter=script)
     drive, words, samples = drives.drives[0], [], None
+    if alter is not None:
+        alter(drive)
     acts = drive.dictionary.on_write[key(0x6040)]
     drive.dictionary.on_write[key(0x6040)] = lambda word: (words.append(word), acts(word))
     error = None
     with open_on(world, machine, **x) as stage:
         try:
             stage.boot()
+            stage.check_move_to("x", velocity=0.01, acceleration=1.0)
             stage.home()
             stage.enable()
             goal = stage.positions[0] + 1e-4
