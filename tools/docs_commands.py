@@ -3,7 +3,8 @@
     python tools/docs_commands.py check [PAGE...]    compares what they print with what is quoted
     python tools/docs_commands.py quotes [PAGE...]   quotes what they print
 
-Without pages: README.md and docs/*.md. A comment on the line before a block says what is special:
+Without pages: README.md, docs/*.md and docs/how-to/*.md. A comment on the line before a block says
+what is special:
 
     <!-- not run: REASON -->   it needs hardware, or data that are not here
     <!-- exit CODE -->         its last command ends with another exit code than 0
@@ -37,7 +38,11 @@ from itertools import zip_longest
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "how-to").glob("*.md")),
+]
 _KNOWN = r"|not run: .+|exit \d+|until Ctrl-C|file: \S+"
 NOT_RUN = ("make test",)
 INSTALLED = ".installed"
