@@ -96,6 +96,11 @@ class RemoteObjects:
             raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
         return int(variable.data_type)
 
+    def limits(self, obj: ObjectRef) -> tuple[int | None, int | None]:
+        """Lowest and highest value of an object by the EDS; None where it does not say."""
+        variable = self._variable(obj)
+        return (None, None) if variable is None else (variable.min, variable.max)
+
     def read(self, obj: ObjectRef) -> int:
         """Reads an integer object by SDO.
 

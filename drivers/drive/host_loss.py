@@ -17,6 +17,8 @@ from drivers.settings import HOST_NODE
 
 PERIOD_MS = 500
 """The drive considers its host lost after this time without a heartbeat."""
+SHORTEST_MS, LONGEST_MS = 300, 1000
+"""Times that an EDS may limit that to: three heartbeats of the host; a stop that is late enough."""
 _COUNT = ObjectRef(0x1016, 0, "number of heartbeats watched")
 _NO_ACTION = 0
 _REACTIONS = {
@@ -44,7 +46,16 @@ def watch_host(
     Raises:
         NodeError: the node does not answer.
     """
-    wanted = HOST_NODE << 16 | PERIOD_MS
+    period = _allowed(node)
+    if not SHORTEST_MS <= period <= LONGEST_MS:
+        why = f"allows {period} ms by its EDS, {PERIOD_MS} ms are needed"
+        return od.HEARTBEAT_CONSUMER, f"{why}: the drive does not notice that {_STAYS}"
+    if period != PERIOD_MS:
+        add_limitation(
+            f"{od.HEARTBEAT_CONSUMER} is {period} ms, not {PERIOD_MS} ms, by its EDS: so long the "
+            "drive goes on without its host"
+        )
+    wanted = HOST_NODE << 16 | period
     held, why = _kept(node, od.HEARTBEAT_CONSUMER, wanted)
     if held == wanted and node.offers(_COUNT) and node.read(_COUNT) == 0:
         held, why = None, f"{_COUNT} is 0"
@@ -57,6 +68,21 @@ def watch_host(
         done = _REACTIONS.get(-1 if held is None else held, "the reaction is manufacturer specific")
         add_limitation(f"{od.ABORT_CONNECTION_OPTION} {why}: without its host {done}")
     return None
+
+
+def _allowed(node: Node) -> int:
+    """The time nearest to `PERIOD_MS` that the EDS allows [ms].
+
+    Limits are of the whole value, whose upper half is the node id, or of the time alone.
+    """
+
+    def time(limit: int | None, otherwise: int) -> int:
+        if limit is None or limit >> 16 not in (0, HOST_NODE):
+            return otherwise
+        return limit & 0xFFFF
+
+    low, high = node.limits(od.HEARTBEAT_CONSUMER)
+    return min(max(PERIOD_MS, time(low, 0)), time(high or None, 0xFFFF))
 
 
 def _kept(node: Node, obj: ObjectRef, value: int) -> tuple[int | None, str]:

@@ -2,8 +2,9 @@
 
 Drives round values, clamp them to their range or have them fixed. Accepted are values rounded by
 1 % or one unit; values clamped to the safe side (less force, smaller window, narrower travel,
-slower); other reactions to a stop, which are reported. All else is refused. The host uses the
-values that the drive holds. The reaction to a lost host (0x6007) is in `host_loss.py`.
+slower); a quick stop that brakes half to twice as hard; other reactions to a stop. All of them are
+reported, all else is refused. The host uses the values that the drive holds. The reaction to a lost
+host (0x6007) is in `host_loss.py`.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class Rule(Enum):
 
     EXACT = auto()
     ROUNDED = auto()
+    NEAR = auto()
     LESS = auto()
     ABOVE = auto()
     BELOW = auto()
@@ -71,8 +73,9 @@ class Parameter:
 
     Attributes:
         object: the object.  value: requested, in the drive's unit.
-        rule: what else is accepted: ROUNDED values; with the other rules also LESS but not 0,
-            ABOVE or BELOW (ends of the travel, and times of which 0 is the shortest), or ANY.
+        rule: what else is accepted: ROUNDED values; with the other rules also NEAR ones (half to
+            twice), LESS but not 0, ABOVE or BELOW (ends of the travel, and times of which 0 is the
+            shortest), or ANY.
         unit: SI value of one unit.  dimension: that SI unit.
         consequence: of a value that is not merely rounded.
     """
@@ -95,6 +98,8 @@ class Parameter:
         if held == self.value or self.is_rounded(held):
             return True
         match self.rule:
+            case Rule.NEAR:
+                return self.value <= 2 * held <= 4 * self.value
             case Rule.LESS:
                 return 0 < held < self.value
             case Rule.ABOVE:
@@ -181,7 +186,7 @@ def _parameters(s: AxisSettings) -> Iterator[Parameter]:
     sooner, slower = "the drive faults sooner", "homing is slower"
     beyond, window = "setpoints beyond it are refused", "the drive's own moves end by that"
     for row in (
-        (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.ROUNDED),
+        (od.QUICK_STOP_DECELERATION, s.acceleration, Rule.NEAR, "quick stops brake by that"),
         (od.FOLLOWING_ERROR_WINDOW, s.following_error, Rule.LESS, sooner),
         (od.FOLLOWING_ERROR_TIMEOUT, s.following_error_time, Rule.BELOW, sooner),
         (od.POSITION_WINDOW, s.position_window, Rule.ANY, window),

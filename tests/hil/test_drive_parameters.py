@@ -154,7 +154,7 @@ def test_the_host_uses_values_that_the_drive_has_clamped(stage_machine):
     [
         (0x6072, 0, lambda v: 2 * v, "wrote 3000, the drive holds 6000"),
         (0x6072, 0, lambda v: 0, "wrote 3000, the drive holds 0"),
-        (0x6085, 0, lambda v: v // 2, "wrote 10000000, the drive holds 5000000"),
+        (0x6085, 0, lambda v: v // 4, "wrote 10000000, the drive holds 2500000"),
         (0x6065, 0, lambda v: 0xFFFFFFFF, "wrote 1000000, the drive holds 4294967295"),
         (0x607D, 1, lambda v: v - 1000, "wrote -150000000, the drive holds -150001000"),
         (0x607C, 0, lambda v: 1, "wrote 0, the drive holds 1"),

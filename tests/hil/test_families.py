@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError, DriverError
-from hil_sim.cia301 import key
+from hil_sim.cia301 import EDS_PATH, key
 from hil_sim.habits import Habits
 from stagectl.config import parse_machine
 from stagectl.config.profiles import families
@@ -108,6 +108,14 @@ HABITS = {
         Habits(values=((key(0x6066), 0),), silent=(key(0x6066),)),
         "0x6066:00 following error timeout is 0 s, not 0.01 s: the drive faults sooner",
     ),
+    "weaker quick stop": (
+        Habits(only=((key(0x6085), 6_000_000),)),
+        "0x6085:00 quick stop deceleration is 6 m/s^2, not 10 m/s^2: quick stops brake by that",
+    ),
+    "no quick stop to speak of": (
+        Habits(only=((key(0x6085), 4_000_000),)),
+        ConfigurationError("0x6085:00 quick stop deceleration: write of 10000000 refused"),
+    ),
     "only 1 ms": (Habits(only=((key(0x60C2, 2), -3),)), None),
     "large forces": (Habits(force_factor=2**0.5), None),
     "rated in uN": (
@@ -145,3 +153,28 @@ def test_a_habit_alone(habit, stage_machine):
 def test_csp_by_another_mode_where_the_profile_says_so(stage_machine):
     *_, error = operate(stage_machine, Habits(csp_mode=9), csp_mode=9)
     assert error is None
+
+
+@pytest.mark.parametrize(
+    ("limit", "held", "said"),
+    [
+        ("HighLimit=0x007F0190", 400, "0x1016:01 consumer heartbeat time is 400 ms, not 500 ms"),
+        ("HighLimit=400", 400, "0x1016:01 consumer heartbeat time is 400 ms, not 500 ms"),
+        ("LowLimit=0x007F02BC", 700, "0x1016:01 consumer heartbeat time is 700 ms, not 500 ms"),
+        ("HighLimit=0xFFFFFFFF", 500, None),
+        ("HighLimit=0x007F00C8", None, "0x1016:01 consumer heartbeat time: allows 200 ms by its"),
+    ],
+)
+def test_the_limit_of_an_eds_on_the_watch_over_the_host(limit, held, said, stage_machine, tmp_path):
+    eds = tmp_path / "limited.eds"
+    text = EDS_PATH.read_text()
+    eds.write_text(text.replace("[1016sub1]\n", f"[1016sub1]\n{limit}\n"))
+    drives, world = switch_on(stage_machine)
+    with open_on(world, stage_machine, eds=eds) as stage:
+        if held is None:
+            with pytest.raises(ConfigurationError, match=rf"^axis x: {said}"):
+                stage.boot()
+            return
+        stage.boot()
+        assert drives.drives[0].dictionary.integer(key(0x1016, 1)) == 127 << 16 | held
+        assert any(said in line for line in stage.limitations) if said else not stage.limitations
