@@ -35,6 +35,7 @@ class Channel:
         ambiguous: the last of these TPDOs differed. Which one is the axis' own is unknown, so there
             is no sample until a SYNC brings a single TPDO again.
         tpdo: CAN-ID and number of bytes of its TPDO.
+        force_tpdo: the same of the TPDO that has the force alone; None: there is none.
         tardy: (statusword, position, force, arrival) of a TPDO that arrived after the host had
             stopped waiting but before the next SYNC, where frames have time stamps; else None.
         previous_tardy: the same of the SYNC before.
@@ -51,6 +52,7 @@ class Channel:
         self.missed = self.extra = self.previous_extra = self.doubled = 0
         self.ambiguous = self._differ = self._was_asked = False
         self._first: bytes | bytearray | None = None
+        self._force: bytes | bytearray | None = None
         self._outstanding = 0
         self.tardy: tuple[int, int, int, int] | None = None
         self.previous_tardy: tuple[int, int, int, int] | None = None
@@ -67,9 +69,12 @@ class Channel:
         unpack = axis.tpdo.codec.unpack
         self.size = axis.tpdo.codec.size
         self.tpdo = axis.tpdo_id, self.size
+        alone = axis.force_tpdo
+        self.force_tpdo = None if alone is None else (axis.force_id, alone.codec.size)
+        self._unpack_force = None if alone is None else alone.codec.unpack
         # without 0x6077 the force reads 0
         self.unpack: Callable[[bytes | bytearray], tuple[int, ...]] = (
-            unpack if axis.reports_force else lambda data: (*unpack(data), 0)
+            unpack if axis.reports_force and alone is None else lambda data: (*unpack(data), 0)
         )
 
     def reset(self) -> None:
@@ -112,10 +117,18 @@ class Channel:
         """A SYNC was sent: one TPDO is due."""
         self.valid = self._differ = False
         self._first, self._was_asked = None, True
+        self._force = None
 
     def take(self, data: bytes | bytearray, arrival: int) -> None:
         """Takes the first TPDO in the window, `arrival` after its SYNC [ns]."""
         self._first, self.arrival, self.valid = data, arrival, True
+
+    def take_force(self, data: bytes | bytearray) -> bool:
+        """Takes the TPDO of the force alone; False: there was one already."""
+        if self._force is not None:
+            return False
+        self._force = data
+        return True
 
     def take_extra(self, data: bytes | bytearray) -> None:
         """Counts a TPDO that is not the first, or is outside the window."""
@@ -139,11 +152,15 @@ class Channel:
         ):
             self.valid = False
             self.take_extra(self._first)
+        if self._unpack_force is not None and self._force is None:
+            self.valid = False  # half a sample is none
         if self._first is None or not self.valid:
             self.arrival = -1
             self.missed += 1
             return False
         self.statusword, self.position, self.force = self.unpack(self._first)
+        if self._unpack_force is not None and self._force is not None:
+            (self.force,) = self._unpack_force(self._force)
         self.seen = True
         self.missed = 0
         return True

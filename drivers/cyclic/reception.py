@@ -58,6 +58,7 @@ class Reception:
             self._window = round(_WINDOW_SHARE * 1000 * settings.window_us)
         self._latest = self._window if self._strict else _FOREVER_NS
         self._by_id = {c.axis.tpdo_id: c for c in channels}
+        self._force_by_id: dict[int, Channel] = {}
         self._now_ns = network.clock.now_ns
         self.arrival_of = stamps_of(network.bus)
 
@@ -68,7 +69,10 @@ class Reception:
             ConfigurationError: two axes have the same one.
         """
         self._by_id = {c.axis.tpdo_id: c for c in self.channels}
-        if len(self._by_id) < len(self.channels):
+        alone = [c for c in self.channels if c.force_tpdo is not None]
+        self._force_by_id = {c.axis.force_id: c for c in alone}
+        ids = self._by_id | self._force_by_id
+        if len(ids) < len(self.channels) + len(alone):
             raise ConfigurationError("two axes have the same TPDO CAN-ID", axis=None)
 
     @property
@@ -108,7 +112,7 @@ class Reception:
         channels, by_id, tap = self.channels, self._by_id, self._network.tap
         now_ns, arrival_of, latest = self._now_ns, self.arrival_of, self._latest
         deadline = sync_at + self._window
-        left = len(channels)
+        left = len(channels) + len(self._force_by_id)
         self.sync_at, self.echo_at = sync_at, None
         for due in channels:
             due.open_cycle()
@@ -129,6 +133,11 @@ class Reception:
             data = message.data
             channel = by_id.get(message.arbitration_id)
             if channel is None or len(data) != channel.size or message.is_extended_id:
+                if self._take_force(message, now):
+                    left -= 1
+                    if not left:
+                        break
+                    continue
                 self.dispatch(message)
                 if self.kernel_periods:  # the kernel's next SYNC: nothing more comes for this one
                     break
@@ -147,6 +156,20 @@ class Reception:
         for due in channels:
             if not due.conclude():
                 self.missed += 1
+
+    def _take_force(self, message: can.Message, now: int) -> bool:
+        """Takes a TPDO that has an axis' force alone, if this is one of the present SYNC."""
+        channel = self._force_by_id.get(message.arbitration_id)
+        if channel is None or channel.force_tpdo is None or message.is_extended_id:
+            return False
+        at = now if self.arrival_of is None else self.arrival_of(message.timestamp, now)
+        if len(message.data) != channel.force_tpdo[1]:
+            return False
+        if not 0 <= at - self.sync_at <= self._latest or not channel.take_force(message.data):
+            return False
+        if self._network.tap is not None:
+            self._network.tap(now, message.arbitration_id, bytes(message.data))
+        return True
 
     def take(self, answers: Sequence[bytes], sync_at: int) -> None:
         """Does what `collect` does, with one TPDO per channel as all that the SYNC has brought.
@@ -200,7 +223,7 @@ class Reception:
         arrival_of = self.arrival_of
         if arrival_of is None or self._strict or self.kernel_periods:
             return False
-        if channel.is_answered or channel.tardy:
+        if channel.is_answered or channel.tardy or channel.force_tpdo is not None:
             return False
         arrival = arrival_of(message.timestamp, self._now_ns()) - self.sync_at
         if not (channel.missed and 0 <= arrival < self._period):

@@ -31,6 +31,8 @@ TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 MODE_TIMEOUT = 5.0
 """Some drives display the previous mode for seconds [s]."""
 PDO_COUNT = 4
+_FORCE_TPDO = TPDO + 1
+_MOST_BITS = 64
 
 _WITHOUT = {
     od.FORCE_OFFSET: "nothing is compensated",
@@ -59,6 +61,8 @@ class Axis:
         homed: whether position 0 is the stage's zero; False after a reboot of the drive.
         rpdo, tpdo: the cyclic mappings, with data types from the EDS; without force offset or
             force where the drive lacks them.
+        force_tpdo: mapping of a TPDO for the force alone, where `tpdo` has no room for it; or None.
+        rpdo_id, tpdo_id, force_id: CAN-IDs of these PDOs.
         accepts_force_offset: whether the drive has 0x60B2, which friction compensation needs.
         reports_force: whether it has 0x6077.
         mode: mode of operation set last, None before the first.
@@ -76,22 +80,29 @@ class Axis:
         self.mode: Mode | None = None
         self.limitations: list[str] = []
         self.target = od.TARGET_POSITION
-        self._map_objects({r for r in _WITHOUT if self._is_wide(r) or not self.node.offers(r)})
+        self.force_tpdo: PdoMapping | None = None
+        self._map_objects(
+            {r for r in _WITHOUT if self._is_wide_offset(r) or not self.node.offers(r)}
+        )
         self.rpdo_id = 0x200 + settings.node
         self.tpdo_id = 0x180 + settings.node
+        self.force_id = 0x280 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
         self._without_csp: ConfigurationError | None = None
 
-    def _is_wide(self, ref: ObjectRef) -> bool:
-        """Whether the EDS lists an object that does not fit beside control word and position."""
-        return self.node.offers(ref) and MappedObject(ref, self.node.data_type(ref)).bits > 16
+    def _bits(self, ref: ObjectRef) -> int:
+        return MappedObject(ref, self.node.data_type(ref)).bits
+
+    def _is_wide_offset(self, ref: ObjectRef) -> bool:
+        """Whether it is a force offset that does not fit beside controlword and position."""
+        return ref == od.FORCE_OFFSET and self.node.offers(ref) and self._bits(ref) > 16
 
     def _why_unmapped(self, ref: ObjectRef) -> str:
         """Why an optional object is not mapped; "" where it is."""
         if ref == od.FORCE_OFFSET and self.settings.without_offset:
             return self.settings.without_offset
-        if self._is_wide(ref):
+        if self._is_wide_offset(ref):
             return "has more than 16 bits, which do not fit"
         return "" if self.node.has(ref) else "is not offered"
 
@@ -100,9 +111,14 @@ class Axis:
         self.accepts_force_offset = od.FORCE_OFFSET not in absent
         self.reports_force = od.FORCE_ACTUAL not in absent
         rpdo = (od.CONTROLWORD, self.target, od.FORCE_OFFSET)
+        tpdo = [ref for ref in TPDO_OBJECTS if ref not in absent]
         try:
             self.rpdo = PdoMapping.of(self.node, [ref for ref in rpdo if ref not in absent])
-            self.tpdo = PdoMapping.of(self.node, [r for r in TPDO_OBJECTS if r not in absent])
+            self.force_tpdo = None
+            if self.reports_force and sum(map(self._bits, tpdo)) > _MOST_BITS:
+                tpdo.remove(od.FORCE_ACTUAL)
+                self.force_tpdo = PdoMapping.of(self.node, [od.FORCE_ACTUAL])
+            self.tpdo = PdoMapping.of(self.node, tpdo)
         except ConfigurationError as refused:
             if refused.axis is not None:  # names itself already
                 raise
@@ -157,10 +173,11 @@ class Axis:
         self._set_interpolation(bus.period_us)
         self.settings, clauses = parameters.write_settings(node, axis)
         self.add_limitation(*clauses)
-        self._configure_pdos(RPDO, TPDO)
         for number in range(1, PDO_COUNT):
             disable_pdo(node, RPDO + number)
             disable_pdo(node, TPDO + number)
+        self._configure_pdos(RPDO, TPDO)
+        self._configure_force_tpdo()
         node.set_heartbeat()
         self._watch_host()
 
@@ -179,6 +196,19 @@ class Axis:
                 self._map_objects({*self._unmapped(), optional})
                 self._configure_pdo(index)
 
+    def _configure_force_tpdo(self) -> None:
+        """Configures the TPDO of the force alone; does without the force where that is refused."""
+        if self.force_tpdo is None:
+            return
+        try:
+            self.force_id = configure_pdo(self.node, _FORCE_TPDO, self.force_id, self.force_tpdo)
+        except (RefusedError, ConfigurationError) as refused:
+            disable_pdo(self.node, _FORCE_TPDO)
+            self.add_limitation(
+                f"{od.FORCE_ACTUAL} is not mapped ({refused.cause}): {_WITHOUT[od.FORCE_ACTUAL]}"
+            )
+            self._map_objects({*self._unmapped(), od.FORCE_ACTUAL})
+
     def _configure_pdo(self, index: int) -> None:
         """Configures a PDO; follows its CAN-ID where the drive has that fixed."""
         if index == RPDO:
@@ -194,7 +224,8 @@ class Axis:
 
     def _unmapped(self) -> set[ObjectRef]:
         """Optional objects that the present mappings lack."""
-        mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
+        pdos = (self.rpdo, self.tpdo, *([self.force_tpdo] if self.force_tpdo else []))
+        mapped = {entry.object for pdo in pdos for entry in pdo.entries}
         return set(_WITHOUT) - mapped
 
     def _set_cycle_period(self, wanted: int) -> None:

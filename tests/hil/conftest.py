@@ -157,6 +157,7 @@ def _process(machine, interface, channel, period=REAL_TIME_PERIOD):
     command = [
         sys.executable, str(Path(__file__).with_name("serve.py")),
         interface, channel, str(period), *map(str, START), str(_priority(period)),
+        *filter(None, [machine.axes["x"].drive.profile]),
     ]  # fmt: skip
     root = str(Path(__file__).parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))

@@ -178,3 +178,32 @@ def test_the_limit_of_an_eds_on_the_watch_over_the_host(limit, held, said, stage
         stage.boot()
         assert drives.drives[0].dictionary.integer(key(0x1016, 1)) == 127 << 16 | held
         assert any(said in line for line in stage.limitations) if said else not stage.limitations
+
+
+def test_a_force_of_32_bits_comes_in_a_tpdo_of_its_own(stage_machine, tmp_path):
+    eds = tmp_path / "wide.eds"
+    before, section, after = EDS_PATH.read_text().partition("[6077]")
+    eds.write_text(before + section + after.replace("DataType=0x0003", "DataType=0x0004", 1))
+    found = {}
+    for name, habits, x in (
+        ("narrow", None, {}),
+        ("wide", Habits(wide=(key(0x6077),)), {"eds": eds}),
+    ):
+        said, _, samples, error = operate(stage_machine, habits, **x)
+        assert (error, [line for line in said if line.startswith("axis x")]) == (None, [])
+        assert samples.valid.all()
+        found[name] = samples
+    np.testing.assert_array_equal(found["wide"].force, found["narrow"].force)
+    assert found["wide"].force[:, 0].any()
+
+
+def test_without_a_second_tpdo_a_force_of_32_bits_is_left_out(stage_machine, tmp_path):
+    eds = tmp_path / "wide.eds"
+    before, section, after = EDS_PATH.read_text().partition("[6077]")
+    eds.write_text(before + section + after.replace("DataType=0x0003", "DataType=0x0004", 1))
+    habits = Habits(wide=(key(0x6077),), tpdos=1)
+    said, _, samples, error = operate(stage_machine, habits, eds=eds)
+    assert error is None
+    assert "axis x: 0x6077:00 torque actual value is not mapped (" in "\n".join(said)
+    assert samples.valid.all()
+    assert not samples.force[:, 0].any()
