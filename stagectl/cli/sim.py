@@ -17,6 +17,8 @@ from stagectl.errors import unusable
 if TYPE_CHECKING:
     import can
 
+    from stagectl.config import Machine
+
 
 @click.command
 @click.option(
@@ -51,16 +53,12 @@ def command(
     from hil_sim.bus import serve
     from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
-    from stagectl.config import driver_settings, eds_path, load_machine, stage_settings
-    from stagectl.config.profiles import load_profile, with_profile
+    from stagectl.config import driver_settings, stage_settings
 
     if family == "?":
         _list_families()
         return
-    stage = load_machine(machine)
-    if family is not None:
-        load_profile(family)  # refuses an unknown one
-        stage = with_profile(stage, family)
+    stage = _stage(machine, family)
     settings = stage_settings(stage)
     where, _ = driver_settings(stage, bus)
     with unusable(BusOpenError):
@@ -84,12 +82,7 @@ def command(
     on_stop(handler)
     warm_up(settings)
     virtual = VirtualStage(settings, seed)
-    nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
-    first, axis = next(iter(stage.axes.items()))
-    click.echo(f"{stage.name} on {where}: {nodes}; stop with Ctrl-C")
-    click.echo(f"EDS: {eds_path(stage, first, axis)}")
-    if family is not None:
-        click.echo(f"drives: {load_profile(family).drives}; in the host's file: profile: {family}")
+    _announce(stage, str(where), family)
     real_time.begin()
     for refused in real_time.refused:
         click.echo(refused, err=True)
@@ -99,6 +92,33 @@ def command(
         real_time.end()
     if segment.refused:
         click.echo(f"the bus refused {segment.refused} frames", err=True)
+
+
+def _stage(file: Path | None, family: str | None) -> Machine:
+    """The machine to simulate, with drives of a family if one is named.
+
+    Raises:
+        ConfigError: the file cannot be used, or there is no such family.
+    """
+    from stagectl.config import load_machine
+    from stagectl.config.profiles import load_profile, with_profile
+
+    machine = load_machine(file)
+    if family is None:
+        return machine
+    return with_profile(machine, load_profile(family).family)
+
+
+def _announce(stage: Machine, where: str, family: str | None) -> None:
+    from stagectl.config import eds_path
+    from stagectl.config.profiles import load_profile
+
+    nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
+    first, axis = next(iter(stage.axes.items()))
+    click.echo(f"{stage.name} on {where}: {nodes}; stop with Ctrl-C")
+    click.echo(f"EDS: {eds_path(stage, first, axis)}")
+    if family is not None:
+        click.echo(f"drives: {load_profile(family).drives}; in the host's file: profile: {family}")
 
 
 def _list_families() -> None:

@@ -10,7 +10,9 @@ from hil_sim.quirks import OddOffset, Quirks
 from stagectl.cli import cli
 from stagectl.config import load_machine
 from stagectl.measurement import never_checked, note_checked
+from stagectl.store import read_notes
 from tests.lockstep import switch_on
+from tests.short_recipe import short_recipe
 
 START = (-5e-3, -4e-3)
 
@@ -43,6 +45,26 @@ def test_a_drive_that_means_what_it_says_is_noted_and_runs_no_longer_tell_of_it(
         stage_machine.text.replace("rated_force: 40.0", "rated_force: 41.0"), encoding="utf-8"
     )
     assert never_checked(load_machine(file)).startswith("axes x: ")
+
+
+@pytest.mark.parametrize("noted", ["", "x", "xy"])
+def test_a_whole_run_names_the_axes_that_were_never_checked(noted, stage_machine, tmp_path):
+    _, world = switch_on(stage_machine, start=START)
+    file, recipe = tmp_path / "m.yaml", tmp_path / "r.yaml"
+    file.write_text(stage_machine.text, encoding="utf-8")
+    recipe.write_text(short_recipe((1e-3, 0.0)), encoding="utf-8")
+    for axis in noted:
+        note_checked(load_machine(file), axis, datetime.now(UTC))
+    where = ["--machine", str(file), "--bus", f"lockstep:{world.name}", "--out"]
+    options = ["--compensation", "none", "--no-observer"]
+    done = CliRunner().invoke(cli, ["run", str(recipe), *where, str(tmp_path / "o"), *options])
+    assert done.exception is None, (done.output, done.exception)
+    line = "scale and sign were never checked by a move with these units"
+    left = ", ".join(axis for axis in "xy" if axis not in noted)
+    said = [shown for shown in done.output.splitlines() if line in shown]
+    assert {shown.partition(":")[0] for shown in said} == ({f"axes {left}"} if left else set())
+    notes = [e["text"] for e in read_notes(tmp_path / "o" / "recording.h5").all("limitation")]
+    assert sum(line in note for note in notes) == (1 if left else 0)
 
 
 def turned(drive):

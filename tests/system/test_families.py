@@ -12,15 +12,14 @@ REFUSED = {
     "pd4-e": "axis x: 0x60A8:00 SI unit position: one position unit is 2.77778e-06 m",
 }
 COMPENSATED = {"circulo", "epos4", "el72x1"}
-"""Run in every session, with `simpliq`, which has no csp; the others are slow tests."""
+"""Those that are."""
+OFTEN = {"epos4", "el72x1", "lenze-9400", "simpliq", *REFUSED}
+"""Run in every session; the others are slow tests."""
 
 
 @pytest.mark.parametrize(
     "family",
-    [
-        pytest.param(f, marks=() if f in {*COMPENSATED, "simpliq", *REFUSED} else pytest.mark.slow)
-        for f in families()
-    ],
+    [pytest.param(f, marks=() if f in OFTEN else pytest.mark.slow) for f in families()],
 )
 def test_a_recipe_on_each_family(family, stagectl, stage_machine, tmp_path):
     text = stage_machine.text
