@@ -31,8 +31,9 @@ class AxisSignals:
         force_actual: float64[K], sampled at SYNC k [N].
         statusword: uint16[K], or None in foreign recordings.
         valid: bool[K], False where the TPDO of SYNC k was missed and the last value stands.
-        missing: channels of a foreign recording that were not logged: the smoothed position stands
-            for `position_demand`, zeros for `force_actual`.
+        missing: channels that were not logged: the smoothed position stands for `position_demand`
+            of a foreign recording, the target for that of drives which moved by their own profiles,
+            zeros for `force_actual`.
 
     Raises:
         ValueError: the arrays are not one-dimensional or differ in length.

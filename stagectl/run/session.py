@@ -38,7 +38,7 @@ from stagectl.sequencer import (
     Retrying,
     StopNoticed,
 )
-from stagectl.store import BusLog
+from stagectl.store import MOVED_BY_PROFILE, BusLog
 
 BY_PROFILE = (
     "moves go by the drives' own profiles (pp): nothing is compensated, and errors and settling "
@@ -226,6 +226,7 @@ class Session:
                     axis.name, speed, min(profile.acceleration, limits.acceleration)
                 )
         self._observers = None
+        self._record.journal.event(MOVED_BY_PROFILE)
         self._on_event(Limitation(BY_PROFILE))
 
     def _unchecked(self) -> list[str]:

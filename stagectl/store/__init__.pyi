@@ -13,6 +13,7 @@ from .journal import (
 )
 from .journal_reader import read_journal_notes
 from .journal_to_recording import (
+    MOVED_BY_PROFILE,
     RECORDING_NAME,
     RECOVERED_NAME,
     recording_in,
@@ -35,6 +36,7 @@ from .summary import finite, summarise_samples
 __all__ = [
     "FILE_NAME",
     "LOG_NAME",
+    "MOVED_BY_PROFILE",
     "RECORDING_NAME",
     "RECOVERED_NAME",
     "SAMPLE_TAG",

@@ -15,6 +15,8 @@ from stagectl.store.recording_blocks import read_recording
 from stagedata import Recording
 
 RECORDING_NAME = "recording.h5"
+MOVED_BY_PROFILE = "moved_by_profile"
+"""Event of a run whose drives' demand was not sent to them, but made by themselves (pp)."""
 RECOVERED_NAME = "recording-recovered.h5"
 """Name for a killed run's recording where another run is about to write its own."""
 
@@ -84,12 +86,24 @@ def recover_journal(
                 target = path.with_name(name)
                 if not overwrite:
                     target = _free_name(target, content.recording)
-                content = replace(content, recording=replace(content.recording, source=str(target)))
+                whole = replace(content.recording, source=str(target))
+                if content.notes.all(MOVED_BY_PROFILE):
+                    whole = _without_demand(whole)
+                content = replace(content, recording=whole)
                 write_recording(content.recording, target, content.ledger, content.notes)
             path.unlink()
     except OSError as error:
         raise UnusableInput(f"{path}: {error.strerror}") from error
     return Recovered(target, content)
+
+
+def _without_demand(recording: Recording) -> Recording:
+    """The recording of drives that moved by their own profiles: only the targets are known."""
+    axes = {
+        name: replace(signals, missing=("position_demand",))
+        for name, signals in recording.axes.items()
+    }
+    return replace(recording, axes=axes)
 
 
 def recover_left_over(folder: Path, *, aside: bool = False) -> Recovered | None:

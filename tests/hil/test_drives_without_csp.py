@@ -92,6 +92,7 @@ def test_a_recipe_runs_by_their_own_profiles_and_is_learned_from(pp_only, stage_
     recording = read_recording(tmp_path / "out" / "recording.h5")
     for axis in recording.axes.values():
         assert not axis.force_offset.any()
+        assert axis.missing == ("position_demand",)  # a diagnosis goes along the motion
         assert axis.valid.all()
 
 

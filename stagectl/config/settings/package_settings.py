@@ -17,6 +17,7 @@ from stagectl.errors import ConfigError
 if TYPE_CHECKING:
     import drivers.settings
     import hil_sim.settings
+    from stagectl.config.profiles import Profile
 
 
 _DEMANDED = {"velocity", "acceleration", "jerk", "following_error"}
@@ -37,7 +38,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
 
     axes = []
     for name, axis in machine.axes.items():
-        profile = profile_of(machine, name, None)  # else a drive without habits
+        profile = _played(machine, name)
         friction, drive = axis.plant.friction, fill(axis, profile).drive
         axes.append(
             settings.AxisSettings(
@@ -63,6 +64,17 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
         )
     effective = add_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(effective))
+
+
+def _played(machine: Machine, name: str) -> Profile | None:
+    """The profile that an axis' virtual drive plays; None: none.
+
+    The machine file in a recording may name a file that is not here, and has no drives to simulate.
+    """
+    given = machine.axes[name].drive.profile or ""
+    if given.endswith(".yaml") and not (Path(machine.source).parent / given).is_file():
+        return None
+    return profile_of(machine, name, None)
 
 
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
