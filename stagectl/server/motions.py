@@ -110,7 +110,7 @@ class Motions:
             )
         acceleration = min(ACCELERATION, settings.acceleration)
         self._phase(f"moving {axis} to {target * 1e3:.6g} mm")
-        if not all(each.streams for each in stage.axes):
+        if not stage.streams:
             stage.move_to(axis, target, velocity, acceleration)
         else:
             self._stream_move(stage, column, target, Limits(velocity, acceleration, settings.jerk))
