@@ -12,11 +12,11 @@ import click
 from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.cli.gap_measure import (
     gap_along_motion,
-    machine_of,
     measured_gap,
     why_along_motion,
 )
 from stagectl.cli.options import JSON_OUT, RECORDING
+from stagectl.diagnosis import machine_of
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import ProgressUpdate, console_for, join_phases, progress_bar
+from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import HTML, JSON, MACHINE_FILE, RECIPE_FILE
 from stagectl.cli.files import Output, check_output
-from stagectl.cli.gap_measure import machine_of
 from stagectl.cli.options import (
     FILE,
     JSON_OUT,
@@ -23,7 +22,7 @@ from stagectl.cli.options import (
     takes,
     write_json,
 )
-from stagectl.errors import unusable
+from stagectl.diagnosis import diagnose_recordings, machine_of
 
 if TYPE_CHECKING:
     from hil_sim.effects import Value
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from sim2real.findings import GapReport, NextExperiment
     from sim2real.residuals import ResidualViews
     from stagectl.config import Machine
-    from stagedata import Recording
 
 _MAX_COMPARED = 8  # effects whose similarity is shown
 
@@ -120,8 +118,13 @@ def diagnose(
     model = machine_of(machine, *recorded, fitted=True)
     console = console_for(json_out)
     with progress_bar(console, "reading") as update:
-        examined, found = _examine(recorded, others, model, how, join_phases(PHASES, update))
-    report = found.report
+        done = diagnose_recordings(
+            recorded, model, others=others, jobs=how.jobs, correct=how.correct,
+            progress=join_phases(PHASES, update),
+        )  # fmt: skip
+    if done.left_out is not None:
+        click.echo(f"--check is left out: {done.left_out}", err=True)
+    examined, found, report = done.examined, done.found, done.found.report
     if json_out is not None or outputs.html is not None:
         views = view_residuals(examined.measured, found.explained or None, examined.settings)
         write_json(report.to_json() | residuals_json(views), json_out)
@@ -138,41 +141,6 @@ def diagnose(
     if outputs.twin is not None and _has_twin(report):
         _write_twin(outputs.twin, model, found, examined.settings)
         _keep_measurement(outputs.twin, recordings)
-
-
-def _examine(
-    recorded: list[Recording],
-    others: list[Recording],
-    machine: Machine,
-    how: _How,
-    progress: ProgressUpdate,
-) -> tuple[Examination, Diagnosis]:
-    """The recordings with their gap, and its diagnosis, judged on other recordings where named."""
-    from hil_sim.effects.library import EffectError, library
-    from sim2real import diagnosis
-    from stagectl.config import stage_settings
-
-    settings = stage_settings(machine)
-    tolerance = {name: axis.plant.tolerance for name, axis in machine.axes.items()}
-    with unusable(EffectError, about="effects: "):
-        effects = library()
-    with unusable(ValueError):
-        examined = diagnosis.examine(
-            recorded, settings, correct=how.correct, unknown=machine.unknown, progress=progress
-        )
-        judges = None
-        if others and examined.insufficient is None:
-            clock = diagnosis.continue_clock(recorded, others)
-            judges = diagnosis.examine_others(
-                examined, others, settings, correct=how.correct, clock=clock
-            )
-        if judges is not None and judges.insufficient is not None:
-            click.echo(f"--check is left out: {judges.insufficient}", err=True)
-            judges = None
-        found = diagnosis.diagnose(examined, tolerance, effects, jobs=how.jobs, progress=progress)
-        if judges is not None:
-            found = replace(found, report=diagnosis.judge_elsewhere(found, judges))
-    return examined, found
 
 
 def _write_page(

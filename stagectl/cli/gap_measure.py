@@ -10,14 +10,14 @@ import click
 
 from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING
-from stagectl.errors import UnusableInput, unusable
+from stagectl.diagnosis import machine_of
+from stagectl.errors import unusable
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
     from sim2real.gap import Gap, GapMeter
     from stagectl.config import Machine
     from stagectl.store import RecordingBlocks
-    from stagedata import Recording
 
 
 @click.command("measure")
@@ -54,38 +54,6 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     title = f"Gap of {model.name} against {recording.name} (rms)"
     section = gap_section(gap, title, repeats=facts)
     show_result({**report, "gap": gap_json(gap)}, json_out, print_sections([section]))
-
-
-def machine_of(
-    machine: Path | None,
-    *recorded: Recording | RecordingBlocks,
-    fitted: bool = False,
-    gains: bool = True,
-) -> Machine:
-    """The machine file named, or the one inside the recordings.
-
-    Args:
-        machine: its path, None for the recordings' own.
-        recorded: at least one.
-        fitted: whether what it leaves unknown will be found.
-        gains: whether the controller's gains are needed.
-
-    Raises:
-        UnusableInput: the recordings were made with different machine files.
-        ConfigError: the machine file cannot be used.
-    """
-    from stagectl.config import load_machine, parse_machine
-
-    if machine is not None:
-        return load_machine(machine, fitted=fitted, gains=gains)
-    first = recorded[0]
-    for other in recorded[1:]:
-        if other.machine != first.machine:
-            raise UnusableInput(
-                f"{other.source}: made with another machine file than {first.source}; "
-                "choose one with --machine"
-            )
-    return parse_machine(first.machine, f"{first.source}:machine", fitted=fitted, gains=gains)
 
 
 def why_along_motion(

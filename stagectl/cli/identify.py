@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import make_console, show_result
-from stagectl.cli.gap_measure import machine_of
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING
+from stagectl.diagnosis import machine_of
 from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:
