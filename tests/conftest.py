@@ -55,7 +55,9 @@ def _each_eds_is_parsed_once():
     once = functools.cache(lambda path, node, content: parse(path, node))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            canopen, "import_od", lambda path, node=None: once(path, node, Path(path).read_bytes())
+            canopen,
+            "import_od",
+            lambda path, node_id=None: once(path, node_id, Path(path).read_bytes()),
         )
         yield
 
