@@ -15,6 +15,7 @@ from stagectl.calibration.execution import calibration_as_json as calibration_as
 from stagectl.calibration.execution import resume_calibration as resume_calibration
 from stagectl.calibration.identify import identify_axis as identify_axis
 from stagectl.calibration.identify import identify_pieces as identify_pieces
+from stagectl.calibration.outcome import ACT as ACT
 from stagectl.calibration.outcome import predicted_gains as predicted_gains
 from stagectl.calibration.page import calibration_outline as calibration_outline
 from stagectl.calibration.sequence import SiteSequence as SiteSequence

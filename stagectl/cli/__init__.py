@@ -30,6 +30,7 @@ COMMANDS = {
     "bus-budget": ("stagectl.cli.bus_budget", "Check that the PDOs fit into the SYNC period."),
     "observer": ("stagectl.cli.observer", "Show gain and margins of the settling observer."),
     "gap": ("stagectl.cli.gap", "Compare simulation and recording, and explain the gap."),
+    "fleet": ("stagectl.cli.fleet", "Diagnose many recordings, and say what they have in common."),
     "effects": ("stagectl.cli.effects", "List the physical effects of the simulator."),
     "identify": ("stagectl.cli.identify", "Estimate friction parameters from recordings."),
     "map": ("stagectl.cli.map", "Show, activate and compare friction maps."),
