@@ -5,7 +5,17 @@ import math
 
 import pytest
 
-from sim2real.findings import Cause, GapFigures, GapReport, Parameter, Where, finding_json, schema
+from sim2real.findings import (
+    Cause,
+    EmpiricalForce,
+    FigureChange,
+    GapFigures,
+    GapReport,
+    Parameter,
+    Where,
+    finding_json,
+    schema,
+)
 from tools.schemas import FOLDER, SCHEMAS
 
 
@@ -29,6 +39,28 @@ def test_a_cell_has_a_range_or_a_value():
     }  # fmt: skip
     assert finding_json(place)["range"] == [0.0, 0.01]
     assert "value" not in finding_json(place)
+
+
+def test_a_change_is_written_to_two_digits_of_its_sigma():
+    change = FigureChange("x", "mass", 24.0, 24.1284, 0.0123, "kg", True, "better")
+    assert change.texts() == ("24.000", "24.128", "0.012")
+    coarse = FigureChange("x", "coulomb", 6.0, 9.0, 2.0, "N", True, "better")
+    assert coarse.texts() == ("6.0", "9.0", "2.0")
+
+
+def test_a_description_is_the_effects_that_a_simulation_takes():
+    force = EmpiricalForce(
+        "x", 0.9, (0.0, 0.1), (1.0, 2.0), (0.5, -0.5), coulomb=(1.1, 0.9), velocity=(-1.0, 1.0),
+        over_velocity=(-3.0, 3.0), motor_force=(0.0, 10.0), lost=(0.0, 1.0), path=(1e-3,),
+        resistance=(2.0,),
+    )  # fmt: skip
+    effects = dict(force.effects())
+    assert effects["residual_table"] == {
+        "position": (0.0, 0.1), "force": (1.0, 2.0), "coulomb": (1.1, 0.9),
+        "velocity": (-1.0, 1.0), "velocity_force": (-3.0, 3.0),
+    }  # fmt: skip
+    assert effects["motor_loss_table"] == {"motor_force": (0.0, 10.0), "loss": (0.0, 1.0)}
+    assert effects["cable_hysteresis"] == {"force": 2.0, "stiffness": pytest.approx(2000.0)}
 
 
 def test_an_unknown_verdict_is_refused():

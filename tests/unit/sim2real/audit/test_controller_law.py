@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil_sim.plant import simulate
+from hil_sim.settings import CascadeSettings
 from sim2real.audit.controller_law import Timing, reconstruct_law
 from sim2real.gap import prepare_replay
 from stagedata import AxisSignals, Recording
@@ -79,25 +80,43 @@ def test_too_few_samples_are_refused(stage, recorded):
         reconstruct_law(prepare_replay(few, stage), stage, "x")
 
 
-def test_a_clamped_output_halts_the_integrator(stage, recorded):
-    """Against a stage whose drive runs into its peak force."""
-    weak = replace(
-        stage,
-        axes=tuple(replace(a, control=replace(a.control, peak_force=12.0)) for a in stage.axes),
+def law_of(stage, recorded, demand, **control):
+    """The law of axis x from a log of a stage whose control differs from the recorded one's."""
+    other = replace(
+        stage, axes=tuple(replace(a, control=replace(a.control, **control)) for a in stage.axes)
     )
-    k = np.arange(600)
-    demand = np.zeros((600, 2))
-    demand[:, 0] = np.where((k > 50) & (k < 300), 2e-4, 0.0)
-    response = simulate(weak, demand, np.zeros_like(demand), None)
-    valid = np.ones(600, dtype=bool)
+    demand = np.column_stack((demand, np.zeros_like(demand)))
+    response = simulate(other, demand, np.zeros_like(demand), None)
+    valid = np.ones(len(demand), dtype=bool)
     axes = {
         axis.name: AxisSignals(
-            demand[:, a], np.zeros(600), response.position[:, a], response.force[:, a], None, valid
+            demand[:, a],
+            np.zeros(len(demand)),
+            response.position[:, a],
+            response.force[:, a],
+            None,
+            valid,
         )
-        for a, axis in enumerate(weak.axes)
+        for a, axis in enumerate(other.axes)
     }
-    made = Recording(recorded.machine, "", "", k * 1e-3, axes, (), "peak")
-    law = reconstruct_law(prepare_replay(made, weak), weak, "x")
+    time = np.arange(len(demand)) * 1e-3
+    made = Recording(recorded.machine, "", "", time, axes, (), "other")
+    return reconstruct_law(prepare_replay(made, other), other, "x")
+
+
+def test_the_law_of_a_cascade_leaves_the_rounding_of_the_force(stage, recorded):
+    """Position P over velocity PI, with feedforward of velocity."""
+    loops = CascadeSettings(position_gain=40.0, velocity_gain=2000.0, velocity_integral=2e4)
+    demand = 5e-3 * np.sin(2.0 * np.pi * 2.0 * np.arange(1500) * 1e-3) ** 2
+    gains = {"kp": 40.0 * 2000.0, "ki": 40.0 * 2e4, "kd": 2000.0}
+    law = law_of(stage, recorded, demand, cascade=loops, **gains)
+    assert remainder(law).std() == pytest.approx(STEP / np.sqrt(12.0), rel=0.25)
+
+
+def test_a_clamped_output_halts_the_integrator(stage, recorded):
+    """Against a stage whose drive runs into its peak force."""
+    k = np.arange(600)
+    law = law_of(stage, recorded, np.where((k > 50) & (k < 300), 2e-4, 0.0), peak_force=12.0)
     assert law.halted is not None
     assert law.halted.any()
     without = replace(law, halted=None)
