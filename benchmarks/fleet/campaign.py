@@ -80,38 +80,34 @@ class Cluster:
             self._port = free.getsockname()[1]
         self.address = f"tcp://127.0.0.1:{self._port}"
         self._log = (folder / "cluster.log").open("ab")
-        self._scheduler = self._start_scheduler()
+        self._folder, self._count = folder, workers
+        self._start_all()
+        with Client(self.address, timeout=120) as client:
+            client.wait_for_workers(workers, timeout=120)
+
+    def _start_all(self) -> None:
+        self._scheduler = self._start(
+            "scheduler", "--host", "127.0.0.1", "--port", str(self._port),
+            "--dashboard-address", "127.0.0.1:0",
+        )  # fmt: skip
         self._workers = [
             self._start(
                 "worker", self.address, "--nworkers", "1", "--nthreads", "1", "--no-dashboard",
-                "--death-timeout", "600", "--local-directory", str(folder),
+                "--death-timeout", "600", "--local-directory", str(self._folder),
             )
-            for _ in range(workers)
+            for _ in range(self._count)
         ]  # fmt: skip
-        with Client(self.address, timeout=120) as client:
-            client.wait_for_workers(workers, timeout=120)
 
     def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
             [sys.executable, "-m", "dask", *arguments], stdout=self._log, stderr=self._log
         )
 
-    def _start_scheduler(self) -> subprocess.Popen[bytes]:
-        return self._start(
-            "scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            str(self._port),
-            "--dashboard-address",
-            "127.0.0.1:0",
-        )
-
     def kill_scheduler(self) -> None:
-        """Kill it, and start another in its place."""
+        """Kill it, and start the cluster again at its address: workers end without a scheduler."""
         self._scheduler.kill()
-        self._scheduler.wait()
-        self._scheduler = self._start_scheduler()
+        self._end()
+        self._start_all()
 
     def worker_processes(self) -> list[int]:
         """Those in which diagnoses run: the nannies' children that hold most memory."""
@@ -122,8 +118,7 @@ class Cluster:
         pids = [p for w in self._workers for p in (w.pid, *_children(w.pid))]
         return sum(map(_processor_time, pids))
 
-    def close(self) -> None:
-        """End all."""
+    def _end(self) -> None:
         for process in (*self._workers, self._scheduler):
             process.terminate()
         for process in (*self._workers, self._scheduler):
@@ -131,6 +126,10 @@ class Cluster:
                 process.wait(20)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+    def close(self) -> None:
+        """End all."""
+        self._end()
         self._log.close()
 
 

@@ -18,10 +18,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from queue import Empty, Queue
 from typing import Any
+from uuid import uuid4
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster, WorkerPlugin
 from distributed.system import MEMORY_LIMIT
+from distributed.utils import silence_logging_cmgr
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.fleet.task import Done, Job, diagnose_one
@@ -100,13 +102,14 @@ def cluster_at(address: str) -> Iterator[Client]:
     Raises:
         UnusableInput: no scheduler answers.
     """
-    try:
-        client = Client(address, timeout=_CONNECT)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
-        reason = one_line(error, 200)
-        raise UnusableInput(f"--scheduler {address}: no scheduler answers: {reason}") from error
-    with client:
-        yield client
+    with silence_logging_cmgr(logging.CRITICAL):  # what a user has to know is raised
+        try:
+            client = Client(address, timeout=_CONNECT)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError, TimeoutError) as error:
+            reason = one_line(error, 200)
+            raise UnusableInput(f"--scheduler {address}: no scheduler answers: {reason}") from error
+        with client:
+            yield client
 
 
 def outcomes(
@@ -164,6 +167,7 @@ class _Left:
         self._jobs = {job.url: job for job in jobs}
         self._suspects: set[str] = set()
         self._waiting, self._work = waiting, work
+        self._run = uuid4().hex  # the scheduler may still have tasks of another client
 
     def __bool__(self) -> bool:
         return bool(self._jobs)
@@ -182,14 +186,14 @@ class _Left:
         out: dict[Any, tuple[Job, Future[Done]]] = {}
         queue = [job for job in self._jobs.values() if job.url not in self._suspects]
         room, number = 0, 0
-        while queue or out or self._jobs:
+        while self._jobs:
             if not queue and not out:
                 queue, room = [next(iter(self._jobs.values()))], 1
             elif not self._is_alone(out):
                 room = _threads(client) + 1 - len(out)
             for job in queue[: max(room, 0)]:
                 number += 1
-                key = f"stagectl-fleet-{id(self)}-{number}-{job.url}"
+                key = f"stagectl-fleet-{self._run}-{number}"
                 future = client.submit(self._work, job, key=key, retries=RETRIES, pure=False)
                 future.add_done_callback(ended.put)  # type: ignore[no-untyped-call]
                 out[key] = job, future
@@ -207,6 +211,8 @@ class _Left:
             if outcome is not None:
                 del self._jobs[job.url]
                 yield outcome
+            elif job.url not in self._suspects:
+                queue.append(job)
 
     def _is_alone(self, out: dict[Any, tuple[Job, Future[Done]]]) -> bool:
         return any(job.url in self._suspects for job, _ in out.values())
@@ -217,24 +223,22 @@ class _Left:
         Raises:
             _SchedulerLost: it was cancelled, which nobody but a lost connection does.
         """
-        if future.status == "cancelled":
-            raise _SchedulerLost
         try:
-            return Outcome(job, future.result(_GATHER))
-        except (KilledWorker, TimeoutError) as error:
-            # Or the worker died before it could pass its answer on.
+            if future.status == "finished":
+                return Outcome(job, future.result(_GATHER))
+            error = future.exception()  # type: ignore[no-untyped-call]
+        except CancelledError as lost:
+            raise _SchedulerLost from lost
+        except (KilledWorker, TimeoutError):
+            return None  # its worker died before it could pass the answer on
+        if isinstance(error, KilledWorker):
             if job.url not in self._suspects:
                 self._suspects.add(job.url)
                 return None
-            if isinstance(error, TimeoutError):
-                return None
             return Outcome(job, None, "its worker dies each time: it lacks memory, or crashes")
-        except CancelledError as error:
-            raise _SchedulerLost from error
-        except Exception as error:  # noqa: BLE001  (as the work has raised it)
-            kind = "" if isinstance(error, StagectlError) else f"{type(error).__name__}: "
-            reason = one_line(" ".join(f"{kind}{error}".split()), 400)
-            return Outcome(job, None, f"failed {RETRIES + 1} times: {reason}")
+        kind = "" if isinstance(error, StagectlError) else f"{type(error).__name__}: "
+        reason = one_line(" ".join(f"{kind}{error}".split()), 400)
+        return Outcome(job, None, f"failed {RETRIES + 1} times: {reason}")
 
 
 def _threads(client: Client) -> int:
