@@ -24,6 +24,7 @@ _LEVELS: dict[str, Level] = {
 }  # fmt: skip
 _MOST_STAGES = 20
 _MOST_CHARTS = 12
+_MOST_KEYS = 3
 _LISTS = ("channels", "gap", "causes", "friction", "machine", "report")
 _OF_A_RESULT = ("recording", "stage", "simulated", "started", "recipe", "lot")
 CAUSE = pa.schema(
@@ -48,7 +49,7 @@ def fleet_outline(summary: Summary) -> Outline:
             "due": Section(
                 "Due",
                 [
-                    Fact(f"{of.stage}: {of.what} {_within(of.within)}: {of.why}", "warning")
+                    Fact(f"{of.stage}: {of.why}. {of.what}{_within(of.within)}", "warning")
                     for of in summary.due
                 ],
                 most=_MOST_STAGES,
@@ -77,7 +78,7 @@ def _headline(summary: Summary) -> str:
 
 
 def _within(days: float) -> str:
-    return f"(within {days:.0f} days)" if days >= 1.0 else "(now)"
+    return f" Within {days:.0f} days." if days >= 1.0 else ""
 
 
 def _stages(stages: Sequence[StageState]) -> Section:
@@ -123,9 +124,8 @@ def _effects(stages: Sequence[StageState]) -> Section:
 def _common(summary: Summary) -> Section:
     facts = []
     for of in summary.common:
-        keys = f"{of.keys[0]} = {of.values[0]}"
-        if len(of.keys) > 1:
-            keys += f" (and {len(of.keys) - 1} more keys that go with it)"
+        pairs = [f"{key} = {value}" for key, value in zip(of.keys, of.values, strict=True)]
+        keys = ", ".join(pairs[:_MOST_KEYS]) + (", ..." if len(pairs) > _MOST_KEYS else "")
         facts.append(
             Fact(
                 f"{of.effect.replace('_', ' ')}: {of.of_those[0]} of {of.of_those[1]} stages with "
