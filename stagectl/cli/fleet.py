@@ -109,9 +109,12 @@ def diagnose(
     ran = _Ran(ledger, folder, len(todo))
     for each in done:
         ran.note(each)
-    if todo:
-        ran.run(todo, _connect(where, len(todo)), json_out)
-    ledger.save()
+    ledger.save()  # before a long computation, to see that it can be written
+    try:
+        if todo:
+            ran.run(todo, _connect(where, len(todo)), json_out)
+    finally:
+        ledger.save()
     report = ran.report(len(sources))
     show_result(report, json_out, *_lines(report))
     if ran.stopped:

@@ -132,13 +132,15 @@ class Folder:
         address: absolute.
 
     Raises:
-        UnusableInput: its file system cannot be used.
+        UnusableInput: its file system cannot be used, or a file has its name.
     """
 
     def __init__(self, address: str) -> None:
         with _named(address):
             self._system, self._path = url_to_fs(address)
         self._local = _is_local(self._system)
+        if self._local and Path(self._path).is_file():
+            raise UnusableInput(f"{address}: is a file, not a folder of results")
         self.address = _address(self._system, self._path)
 
     def has(self, name: str) -> bool:
