@@ -50,6 +50,7 @@ class Outcome:
         promised: gap closed that the report promises, None where it promises none.
         second: gap closed by the same effects on the second run, None likewise.
         promised_by_twin, second_by_twin: the same of the twin as it is written.
+        within, within_by_twin: as the second ones, where the first run has been to.
         seconds: time of the diagnosis [s].
         processor: processor time of all cores together [s].
         key, nonce, digest: of the seal.
@@ -77,6 +78,8 @@ class Outcome:
     unlisted: tuple[tuple[str, tuple[str, ...]], ...] = ()
     promised_by_twin: Number | None = None
     second_by_twin: Number | None = None
+    within: Number | None = None
+    within_by_twin: Number | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; figures that are not finite are null."""

@@ -88,6 +88,7 @@ class Score:
         parameters: within 3 of their sigmas.
         promise: gap closed on the second run within 0.08 of what was promised.
         twin: the same of the twin as it is written.
+        within, twin_within: as these two, at positions where the first run has been to.
         closed: median gap closed with the one effect named correctly, None where there is none.
         error: expected calibration error, None without causes.
         bins: that it is made of.
@@ -115,6 +116,8 @@ class Score:
     parameters: Share
     promise: Share
     twin: Share
+    within: Share
+    twin_within: Share
     closed: float | None
     error: float | None
     bins: tuple[Bin, ...]
@@ -132,8 +135,6 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
     }
     one = of_kind["one"]
     deviations = [value for o in known for value in o.sigmas.values()]
-    promised = _off((o.promised, o.second) for o in known)
-    by_twin = _off((o.promised_by_twin, o.second_by_twin) for o in known)
     closed = [o.promised for o in one if is_first_right(o) and o.promised is not None]
     bins = calibration_bins(
         (cause.probability, right) for o in known for cause, right in judge_causes(o)
@@ -162,8 +163,10 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         ),
         _share([o for o in outcomes if o.leave_out and o.truth], is_honest),
         Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
-        Share(sum(off <= PROMISE for off in promised), len(promised)),
-        Share(sum(off <= PROMISE for off in by_twin), len(by_twin)),
+        _kept((o.promised, o.second) for o in known),
+        _kept((o.promised_by_twin, o.second_by_twin) for o in known),
+        _kept((o.promised, o.within) for o in known),
+        _kept((o.promised_by_twin, o.within_by_twin) for o in known),
         float(np.median(closed)) if closed else None,
         sum(b.causes * abs(b.probability - b.right) for b in bins) / causes if causes else None,
         bins,
@@ -173,9 +176,10 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
     )
 
 
-def _off(pairs: Iterable[tuple[float | None, float | None]]) -> list[float]:
-    """Distances of what was promised to what was closed, where both are known."""
-    return [abs(one - other) for one, other in pairs if one is not None and other is not None]
+def _kept(pairs: Iterable[tuple[float | None, float | None]]) -> Share:
+    """How often what was promised was closed, of the pairs where both are known."""
+    off = [abs(one - other) for one, other in pairs if one is not None and other is not None]
+    return Share(sum(each <= PROMISE for each in off), len(off))
 
 
 def true_pairs(outcome: Outcome) -> set[Pair]:

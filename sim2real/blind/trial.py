@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -148,8 +148,8 @@ def run_trial(
     """
     library = dict(setup.library)
     if setup.leave_out:
-        for drawn in trial.key.effects:
-            library.pop(drawn.kin, None)
+        true = [library[drawn.kin] for drawn in trial.key.effects if drawn.kin in library]
+        library = {n: e for n, e in library.items() if not any(is_same(e, t) for t in true)}
     begin, begun = clock(), spent()
     error = ""
     found = None
@@ -162,11 +162,14 @@ def run_trial(
     report = None if found is None else found.report
     promised = None if report is None else report.gap_closed
     promised_by_twin = None if report is None else report.gap_closed_by_twin
-    second = second_by_twin = None
+    second = second_by_twin = within = within_by_twin = None
+    inside = only_within(trial.second, trial.first)
     if found is not None and promised is not None:
         second = _closed(trial.second, setup.settings, found.named())
+        within = _closed(inside, setup.settings, found.named())
     if found is not None and promised_by_twin is not None:
         second_by_twin = _closed(trial.second, setup.settings, found.twin())
+        within_by_twin = _closed(inside, setup.settings, found.twin())
     gap = measure_gap(trial.first, setup.settings, 3)
     return Outcome(
         setup.seed,
@@ -190,7 +193,25 @@ def run_trial(
         () if report is None else tuple((u.axis, (u.over, *u.alike)) for u in report.unlisted),
         promised_by_twin,
         second_by_twin,
+        within,
+        within_by_twin,
     )
+
+
+def is_same(one: Effect, other: Effect) -> bool:
+    """Whether two effects do the same: some have a second name on axes with a transmission."""
+    return type(one).apply is type(other).apply
+
+
+def only_within(recording: Recording, other: Recording) -> Recording:
+    """A recording whose samples count only where an axis is within its travel in another one."""
+    axes = {}
+    for name, signals in recording.axes.items():
+        travelled = other.axes[name].position_actual[other.axes[name].valid]
+        at = signals.position_actual
+        inside = (at >= travelled.min()) & (at <= travelled.max())
+        axes[name] = replace(signals, valid=signals.valid & inside)
+    return replace(recording, axes=axes)
 
 
 def _closed(

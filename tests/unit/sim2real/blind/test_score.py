@@ -14,8 +14,9 @@ from tests.unit.sim2real.blind.outcomes import outcome
 def test_one_effect_counts_where_axis_and_name_come_first():
     right = outcome("one", "x cogging", "x cogging 0.99", "explained", promised=0.95, second=0.9)
     beside = outcome(
-        "one", "x cogging", "x cogging 0.99, y dead_time 0.9", "explained", promised=0.9, second=0.7
-    )
+        "one", "x cogging", "x cogging 0.99, y dead_time 0.9", "explained", promised=0.9,
+        second=0.7, within=0.85,
+    )  # fmt: skip
     axis = outcome("one", "x cogging", "y cogging 0.9", "explained")
     alike = outcome(
         "one", "x dead_time", "x current_bandwidth 0.6", "explained",
@@ -28,6 +29,7 @@ def test_one_effect_counts_where_axis_and_name_come_first():
     assert counted.one_only.count == 1
     assert counted.errors == 1
     assert (counted.promise.count, counted.promise.of) == (1, 2)
+    assert (counted.within.count, counted.within.of) == (1, 1)
     assert counted.closed == pytest.approx(0.925)
     assert counted.confusion == {
         ("cogging", "cogging"): 2,
