@@ -31,6 +31,7 @@ from sim2real.scoring.constants import (
     STEP_SHARE,
     STRANGE,
     TUNED,
+    UNCERTAIN,
     WANDER_SHARE,
 )
 
@@ -93,11 +94,12 @@ def _largest_probability(
     figures: Mapping[str, Parameter],
     given_back: tuple[float, float],
 ) -> float:
-    """Largest probability that a term's figures allow: `DOUBTED`, or 1 where they raise no doubt.
+    """Largest probability that a term's figures allow: `DOUBTED` where they raise a doubt.
 
-    Doubt arises from a size that may be zero by its sigma, and from implausible values (unless the
-    effect alone explains the axis completely). What the fit needs is doubted for both only. What
-    gives back nothing of the gap when it is removed, by the interval over moves, is always doubted.
+    Without doubts it is 1, or `UNCERTAIN` where the model leaves structure. Doubt arises from a
+    size that may be zero by its sigma, and from implausible values (unless the effect alone
+    explains the axis completely). What the fit needs is doubted for both only. What gives back
+    nothing of the gap when it is removed, by the interval over moves, is always doubted.
     """
     if given_back[0] <= 0.0:
         return DOUBTED
@@ -107,7 +109,8 @@ def _largest_probability(
     uncertain = any(_is_size_uncertain(entry, figures, axis) for entry in entries)
     implausible = not alone and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
-    return DOUBTED if doubts > result.is_needed(term) else 1.0
+    most = 1.0 if result.is_complete else UNCERTAIN
+    return DOUBTED if doubts > result.is_needed(term) else most
 
 
 def _is_size_uncertain(

@@ -29,7 +29,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
-from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage, implausibility
+from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
@@ -149,13 +149,13 @@ class _StageSearch:
         return axis_gap(name, {name: model}, self._measured, self._settings)
 
     def decide_in_loop(self, name: str) -> AxisSearch:
-        """Decide about an axis that the search by innovations has left open.
+        """Decide about an axis that the search by innovations leaves open, or needs several for.
 
         Where a curve over one coordinate explains what no few effects do, that is the answer. Else
         the free loop searches, and what it finds meets the curves, too.
         """
         search = self.searches[name]
-        if search.is_complete and not self._is_strange(search):
+        if search.is_complete and len(search.best.model.terms) < 2:
             return search
         first = [alternative.model for alternative in search.alternatives]
         if self._is_curve(name, [search.best.model, *first[:FITTED]]):
@@ -203,11 +203,6 @@ class _StageSearch:
     def _tolerance_of(self, name: str) -> float:
         """Relative standard deviation of an axis' plant figures."""
         return max(self._tolerance.get(name, 0.0), _LEAST_TOLERANCE)
-
-    def _is_strange(self, search: AxisSearch) -> bool:
-        """Whether several effects explain an axis, one of them with values beyond usual ones."""
-        terms = search.best.model.terms
-        return len(terms) > 1 and any(implausibility(t, search.axis) > 0.0 for t in terms)
 
 
 def _refit_coupled(

@@ -2,8 +2,8 @@
 
 Effects keep their names where no curve over one coordinate predicts other moves better: where their
 prediction is within one standard error over blocks of moves of the best curve's, or loses less than
-a fiftieth of the gap. Several effects together have more figures than a curve: they have to predict
-clearly better than it.
+a fiftieth of the gap. Several effects that show along the motion have to predict clearly better
+than one curve.
 """
 
 from __future__ import annotations
@@ -62,7 +62,10 @@ class Rivals:
             excess, error = _compare(prediction, best.prediction)
             # Noise that a curve happens to follow is no reason to take a name away.
             excess += min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess <= self._margin(error) and (len(model.terms) == 1 or excess < -error):
+            if excess <= self._margin(error) and (
+                excess < -error
+                or count_shown(self.screen, model, prediction, self._margin(error)) < 2
+            ):
                 return True
         return False
 
@@ -100,6 +103,22 @@ class Rivals:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
         gap = max(self.screen.open.energy - self.screen.floor, 0.0)
         return min(max(error, _LITTLE * gap), _MUCH * gap)
+
+
+def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: float) -> int:
+    """Number of effects of a model without which it predicts worse by more than a margin.
+
+    Those within the control loop do not show along a motion, nor does a mass beside what goes with
+    acceleration.
+
+    Args:
+        screen: the axis.
+        model: with the effects.
+        whole: what it predicts.
+        margin: energy.
+    """
+    fewer = [screen.model(model.without(index)) for index in range(len(model.terms))]
+    return sum(each is None or each.energy - whole.energy > margin for each in fewer)
 
 
 def find_rivals(screen: Screen) -> Rivals:

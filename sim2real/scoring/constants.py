@@ -102,6 +102,9 @@ CHOSEN = 0.53
 """Smallest probability of an effect of the chosen set, before anything limits it."""
 SURE, SURE_COORDINATE = 0.99, 0.97
 """Largest probability of a name, and of a coordinate."""
+UNCERTAIN = 0.85
+"""Largest probability of a name where structure is left: a relative of what acts may close most of
+the gap as well. `--leave-out`."""
 DOUBTED = 0.45
 """Largest probability of an effect whose size may be zero by its sigma, or whose values are not
 plausible at all."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from hil_sim.effects.library import library
-from sim2real.attribution import AxisSearch
+from sim2real.attribution import AxisSearch, find_causes
 from sim2real.fitting import Term, fit
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
@@ -39,3 +40,12 @@ def test_an_effect_on_the_level_that_is_out_of_the_question(drift):
     probability, others = near.probability("thermal_drift")
     assert probability == pytest.approx(0.99 / 1.6)
     assert others == ["coulomb_level"]
+
+
+def test_names_are_less_sure_where_structure_is_left(drift):
+    held_out = SimpleNamespace(given_back=lambda axis, index: (0.9, (0.8, 1.0)))
+    for is_complete, most in ((True, 0.99), (False, 0.85)):
+        (cause,), _ = find_causes(
+            replace(drift, is_complete=is_complete), held_out, along_motion=False
+        )
+        assert cause.probability == pytest.approx(most)

@@ -14,6 +14,7 @@ from sim2real.fitting import Term
 from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Screen, find_rivals
+from sim2real.rivals.decision import count_shown
 from tests.unit.sim2real.conftest import TOLERANCE
 
 SIZE = Parameter("size", "", "", (0.0, 1.0), neutral=0.0)
@@ -103,6 +104,14 @@ def test_a_library_effect_keeps_its_name(screen_of):
     rivals = find_rivals(screen)
     assert rivals.curves[0].coordinate.over == "velocity"
     assert rivals.leave_names([screen.loop.start.added(Term(effect, values))])
+
+
+def test_what_does_not_show_along_the_motion_is_not_one_of_several(screen_of):
+    cogging, mass = library()["cogging"], Term(library()["payload_mass"], (0.1,))
+    screen = screen_of(cogging, amplitude=1.5, pitch=0.03, phase=0.0)
+    model = screen.loop.start.added(Term(cogging, (1.5, 0.03, 0.0))).added(mass)
+    prediction = screen.model(model)
+    assert count_shown(screen, model, prediction, 0.02 * prediction.energy) == 1
 
 
 def test_without_a_gap_there_is_no_coordinate(screen_of):
