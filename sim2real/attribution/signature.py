@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
+from sim2real.filters import filtered
 from sim2real.fitting import Term, with_effects
 from sim2real.tracking import Gains, Track, innovation_response
 from stagedata import F64
@@ -106,7 +106,7 @@ def _swing_force(ports: EffectPorts, acceleration: F64, period: float) -> F64:
         force += (
             ports.mass
             * part.mass_ratio
-            * lfilter(second, inertia * second + first + zeroth, acceleration)
+            * filtered(second, inertia * second + first + zeroth, acceleration)
         )
     return force
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from hil_sim.plant import build_ports
 from hil_sim.settings import ControlSettings, StageSettings
+from sim2real.filters import filtered
 from sim2real.gap import Replay
 from stagedata import BoolArray, FloatArray
 
@@ -109,7 +109,7 @@ class ControllerLaw:
         corner = 2.0 * math.pi * (self.bandwidth if bandwidth is None else bandwidth)
         new = -math.expm1(-corner * tick * (1.0 - part))
         whole = -math.expm1(-corner * tick)
-        out = lfilter([new, whole - new], [1.0, whole - 1.0], parts, axis=1)
+        out = filtered([new, whole - new], [1.0, whole - 1.0], parts)
         # Sample k is taken before the tick of SYNC k.
         sampled = (self.place - self.begin) * ticks - 1 - int(shift)
         reported: FloatArray = np.where(sampled >= 0, out[:, np.clip(sampled, 0, count - 1)], 0.0)
@@ -187,12 +187,12 @@ class ControllerLaw:
         cascade = control.cascade
         if cascade is None:
             rate = np.diff(error, prepend=error[:1]) / tick
-            smooth = lfilter([keep], [1.0, keep - 1.0], rate)
+            smooth = filtered([keep], [1.0, keep - 1.0], rate)
             return control.kd * smooth, control.ki * error
         reading = demand - error
         before = np.concatenate((np.repeat(reading[:1], cascade.span), reading[: -cascade.span]))
         rate = (reading - before) / (cascade.span * tick)
-        missing = -lfilter([keep], [1.0, keep - 1.0], rate)
+        missing = -filtered([keep], [1.0, keep - 1.0], rate)
         missing += cascade.feedforward * np.diff(demand, prepend=demand[:1]) / tick
         wanted = cascade.position_gain * error + missing
         return cascade.velocity_gain * missing, cascade.velocity_integral * wanted

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
-from scipy.signal import correlate
 
 from sim2real.audit.controller_law import AS_STATED, TERMS, WARM_UP, ControllerLaw, Timing
 from stagedata import FloatArray
@@ -152,7 +151,9 @@ def _far_lag(law: ControllerLaw) -> float:
     reach = min(round(_FAR / law.period), len(logged) - 1)
     if size == 0.0 or reach < 1:
         return 0.0
-    alike = correlate(logged, stated)[len(logged) - 1 - reach : len(logged) + reach] / size
+    shifted = np.pad(stated, reach)
+    shifts = range(2 * reach, -1, -1)
+    alike = np.array([shifted[s : s + len(logged)] @ logged for s in shifts]) / size
     best = int(np.argmax(alike))
     lag = (best - reach) * law.period
     clear = 1.0 - alike[best] ** 2 < _CLEARLY * (1.0 - alike[reach] ** 2)

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from hil_sim.plant import needs_all_axes, simulate, simulate_variants
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
@@ -236,6 +235,8 @@ class FreeLoop:
             own: elements that count, bool[R].
             per_force: of a wave that multiplies the motor force.
         """
+        from scipy.signal import butter, sosfiltfilt  # slow to import
+
         lines = self.wave_lines(over_travel)
         mass = float(model.settings(self.axis).mass)
         power = np.zeros(len(lines))

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt, welch
 
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.gap import match_periods
@@ -199,6 +198,8 @@ def _acceleration_below(frequencies: F64, position: F64, period: float) -> F64:
 
 def _white_noise(values: F64) -> float:
     """Rms of the white part of a signal, from the highest frequencies of its second difference."""
+    from scipy.signal import welch  # slow to import; most diagnoses need no motion
+
     size = min(512, len(values) - 2)
     frequencies, density = welch(np.diff(values, 2), nperseg=size)
     top = frequencies > 0.35
@@ -213,6 +214,8 @@ def low_passed(values: F64, cutoff: float, period: float) -> F64:
 
     Shaped as the values, float64[P] or float64[P, n].
     """
+    from scipy.signal import butter, sosfiltfilt
+
     share = 2.0 * cutoff * period
     sections = butter(_ORDER, min(share, 0.9), output="sos")
     pad = min(len(values) - 1, round(3.0 / share) + 3 * _ORDER)

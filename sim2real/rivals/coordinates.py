@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from sim2real.filters import filtered
 from sim2real.open_loop import Motion
 from stagedata import F64
 from stagedata.compiled import kernel
@@ -221,7 +221,7 @@ def _lagged(hats: F64, velocity: F64, kept: float) -> F64:
     sliding = np.abs(velocity) > _SLIDING
     if sliding.any():
         moved = hats[sliding]
-        hats[sliding] = lfilter([1.0 - kept], [1.0, -kept], moved, axis=0, zi=kept * moved[:1])[0]
+        hats[sliding] = moved[0] + filtered([1.0 - kept], [1.0, -kept], (moved - moved[0]).T).T
     return hats
 
 
@@ -257,6 +257,6 @@ def _oscillations(acceleration: F64, frequencies: F64, period: float) -> F64:
         radius = math.exp(-_DAMPING * angle)
         poles = [1.0, -2.0 * radius * math.cos(angle), radius**2]
         for zeros in ([1.0], [1.0, -1.0]):
-            driven = lfilter(zeros, poles, acceleration)
+            driven = filtered(zeros, poles, acceleration)
             out.append(driven / max(float(np.std(driven)), 1e-12))
     return np.column_stack(out)
