@@ -61,10 +61,18 @@ def test_what_explains_too_little_elsewhere_explains_partly(others, figures, ver
 
 
 def test_wrong_figures_close_less_than_nothing(others):
-    wrong = model(cogging={**COGGING, "phase": 0.5 + np.pi})
+    wrong = model(force_offset={"force": -1.0})
     report = judge_elsewhere(found(others, wrong), others)
     assert report.steps[0].elsewhere < 0.0
     assert report.gap_closed_elsewhere < 0.0
+
+
+def test_a_wave_may_have_another_phase_elsewhere_which_is_said(others):
+    turned = model(force_offset=OFFSET, cogging={**COGGING, "phase": 2.4})
+    report = judge_elsewhere(found(others, turned), others)
+    assert report.gap_closed_elsewhere > 0.9
+    assert report.steps[0].elsewhere > 0.9
+    assert report.reason.endswith(", with the phase of cogging on x fitted anew there")
 
 
 def test_a_gap_no_larger_than_the_floor_is_no_gap_to_close(others):
