@@ -20,12 +20,24 @@ if TYPE_CHECKING:
     from stagectl.config import Machine
 
 
+def _list_families(context: click.Context, _: click.Parameter, family: str | None) -> str | None:
+    """Lists the families instead, where that is asked for."""
+    if family != "?":
+        return family
+    from stagectl.cli.console import console_for, make_table
+    from stagectl.config.profiles import families, load_profile
+
+    rows = [(name, load_profile(name).drives) for name in families()]
+    console_for(None).print(make_table("drive profiles", ("family", "drives"), rows))
+    context.exit()
+
+
 @click.command
 @click.option(
     "--machine", type=FILE, help="Machine file of the stage to simulate.  [default: wafer-xy]"
 )
 @click.option("--bus", type=BusType(), help="Any python-can bus.  [default: the machine file's]")
-@click.option("--as", "family", metavar="FAMILY",
+@click.option("--as", "family", metavar="FAMILY", callback=_list_families,
               help="Play drives of this family, by its profile; ? lists them.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=1,
               help="Seed of noise, friction scatter and start position.")  # fmt: skip
@@ -55,9 +67,6 @@ def command(
     from hil_sim.stage import VirtualStage
     from stagectl.config import driver_settings, stage_settings
 
-    if family == "?":
-        _list_families()
-        return
     stage = _stage(machine, family)
     settings = stage_settings(stage)
     where, _ = driver_settings(stage, bus)
@@ -119,11 +128,3 @@ def _announce(stage: Machine, where: str, family: str | None) -> None:
     click.echo(f"EDS: {eds_path(stage, first, axis)}")
     if family is not None:
         click.echo(f"drives: {load_profile(family).drives}; in the host's file: profile: {family}")
-
-
-def _list_families() -> None:
-    from stagectl.cli.console import console_for, make_table
-    from stagectl.config.profiles import families, load_profile
-
-    rows = [(name, load_profile(name).drives) for name in families()]
-    console_for(None).print(make_table("drive profiles", ("family", "drives"), rows))
