@@ -84,11 +84,18 @@ class AxisState(Message):
 
 
 class RunLimits(Message):
-    """Limits of a recipe: settling time [s], peak error [m] (None: none), settle window [m]."""
+    """Limits of a recipe.
+
+    Attributes:
+        settling, peak_error: longest time [s] and largest error [m] at a site; None: no limit.
+        window: that axes settle to [m].
+        hold: how long they have to stay in it [s]: the last part of what `settled` reports.
+    """
 
     settling: float | None
     peak_error: float | None
     window: float
+    hold: float
 
 
 class RunState(Message):

@@ -187,10 +187,11 @@ class Active:
 
 
 def _limits(recipe: Recipe) -> RunLimits:
-    limits = recipe.limits
+    limits, settle = recipe.limits, recipe.settle
     return RunLimits(
-        settling=limits.settling, peak_error=limits.peak_error, window=recipe.settle.window
-    )
+        settling=limits.settling, peak_error=limits.peak_error, window=settle.window,
+        hold=settle.hold,
+    )  # fmt: skip
 
 
 @dataclass(slots=True)
