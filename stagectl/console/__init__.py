@@ -1,0 +1,11 @@
+"""The operator's web page: a process of its own, and a client of the stage server.
+
+From the bottom: `folder`, `reports` (files from a request), `access` (tokens, cookies, tickets,
+rates), `gate` (what every request passes), `bodies` (JSON), `samples` and `scope_export`, `link`
+(watches the server), `recipes`, `archive` (runs, diagnoses, maps), `jobs`, `server_process`,
+`session` (one page's websocket), `app` (routes), `process`. The page is in `static/`.
+"""
+
+from stagectl.console.process import Listening as Listening
+from stagectl.console.process import serve_console as serve_console
+from stagectl.console.server_process import ServerProcess as ServerProcess
