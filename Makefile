@@ -8,7 +8,7 @@ DEV := $(VENV)/.installed-dev
 # Else every process that a test starts would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test docs test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
+.PHONY: run console test docs test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
 
 help: ## this list
 	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -34,6 +34,9 @@ $(INSTALLED): pyproject.toml requirements/run.txt
 $(DEV): $(INSTALLED) requirements/dev.txt
 	$(LOCKED) --no-build-isolation --requirement requirements/dev.txt
 	@touch $@
+
+console: $(DEV) ## the operator's page on the virtual stage
+	$(BIN)/stagectl console --simulate
 
 run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 	$(BIN)/stagectl run recipes/inspection-20.yaml --simulate --out runs/inspection-20
