@@ -23,7 +23,6 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from stagectl import report
 from stagectl.client import Refused
 from stagectl.console.access import SHIFT, Access
 from stagectl.console.archive import Archive
@@ -41,7 +40,7 @@ from stagectl.errors import StagectlError
 from stagectl.protocol.message import Index, Message, Name, Text
 
 _STATIC = Path(__file__).parent / "static"
-_PLOTS = Path(report.__file__).parent / "static"
+_PLOTS = Path(__file__).parents[1] / "report" / "static"
 MOST_SESSIONS = 32
 Names = Annotated[tuple[Name, ...], Len(1, 20)]
 
@@ -60,6 +59,12 @@ class _Nothing(Message):
 
 class _Diagnose(Message):
     runs: Names
+
+
+class _Calibrate(Message):
+    sites: Name
+    due: bool
+    operator: Name
 
 
 class _Map(Message):
@@ -142,6 +147,9 @@ def make_app(console: Console) -> Gate:
             get("/api/gaps", _gaps),
             post("/api/gaps/start", _diagnose),
             post("/api/gaps/cancel", _cancel),
+            get("/api/calibrations", _calibrations),
+            post("/api/calibrations/due", _due),
+            post("/api/calibrations/start", _calibrate),
             get("/api/maps", _maps),
             post("/api/maps/page", _map_page),
             post("/api/maps/activate", _activate),
@@ -271,6 +279,40 @@ async def _cancel(console: Console, request: Request) -> Response:
     return JSONResponse({})
 
 
+async def _calibrations(console: Console, request: Request) -> Response:
+    return JSONResponse(await run_in_threadpool(console.recipes.names, "calibrate"))
+
+
+async def _due(console: Console, request: Request) -> Response:
+    asked = await read_body(request, _Calibrate)
+    looking = (*_on_server(console), "--due", "--dry-run", "--json", "-")
+    sites = await run_in_threadpool(console.recipes.path, asked.sites, "calibrate")
+    found = await console.jobs.ask(console.archive.calibrate_command(sites, *looking))
+    return Response(found, media_type="application/json")
+
+
+async def _calibrate(console: Console, request: Request) -> Response:
+    asked = await read_body(request, _Calibrate)
+    sites = await run_in_threadpool(console.recipes.path, asked.sites, "calibrate")
+    due = ("--due",) if asked.due else ()
+    options = (*_on_server(console), "--operator", asked.operator, *due)
+    command = console.archive.calibrate_command(sites, *options)
+    console.jobs.begin(f"calibration by {sites.name}", sites, command)
+    return JSONResponse({})
+
+
+def _on_server(console: Console) -> tuple[str, ...]:
+    """Options that name the stage server, and its machine file where it is one."""
+    return ("--server", console.link.where.name, *_machine(console))
+
+
+def _machine(console: Console) -> tuple[str, ...]:
+    served = console.link.info
+    if served is None or not Path(served.machine_file).is_file():
+        return ()
+    return ("--machine", served.machine_file)
+
+
 async def _maps(console: Console, request: Request) -> Response:
     arguments = console.archive.map_command("history", "--json", "-")
     return Response(await console.jobs.ask(arguments), media_type="application/json")
@@ -297,11 +339,7 @@ async def _roll_back(console: Console, request: Request) -> Response:
 
 
 async def _use_map(console: Console, *arguments: str) -> Response:
-    served = console.link.info
-    machine = () if served is None or not Path(served.machine_file).is_file() else (
-        "--machine", served.machine_file
-    )  # fmt: skip
-    said = await console.jobs.ask(console.archive.map_command(*arguments, *machine))
+    said = await console.jobs.ask(console.archive.map_command(*arguments, *_machine(console)))
     return JSONResponse({"said": said.strip()})
 
 

@@ -110,6 +110,12 @@ class Archive:
         """`stagectl map` on the history of the data folder."""
         return ["map", *arguments, "--history", str(self._folder / "stage.db")]
 
+    def calibrate_command(self, sites: Path, *arguments: str) -> list[str]:
+        """`stagectl calibrate` into the data folder and its history."""
+        folder = self._folder / f"{sites.stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+        history = str(self._folder / "stage.db")
+        return ["calibrate", str(sites), "--history", history, "--out", str(folder), *arguments]
+
     def file(self, *parts: str) -> Response:
         """A file to look at or to save.
 

@@ -6,7 +6,7 @@ A page may change the text that it sends, never the folder that the recipe's fil
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 
@@ -15,6 +15,8 @@ from stagectl.errors import UnusableInput
 from stagectl.protocol.requests import MOST_RECIPE
 
 _PACKAGED = Path(__file__).parents[1] / "data" / "recipes"
+Kind = Literal["recipe", "calibrate"]
+"""The first key of its files."""
 _SUFFIXES = (".yaml", ".yml")
 
 
@@ -28,14 +30,14 @@ class Recipes:
     def __init__(self, folder: Path | None) -> None:
         self._folders = [*([folder.resolve()] if folder else []), _PACKAGED]
 
-    def names(self) -> list[str]:
-        """File names; one in the folder hides the packaged one of its name. No calibrations."""
+    def names(self, kind: Kind = "recipe") -> list[str]:
+        """File names of recipes or calibrations; the folder's hide packaged ones of their name."""
         found = (
             path.name
             for folder in self._folders
             if folder.is_dir()
             for path in sorted(folder.iterdir())
-            if path.suffix in _SUFFIXES and is_name(path.name) and _is_recipe(path)
+            if path.suffix in _SUFFIXES and is_name(path.name) and _is(path, kind)
         )
         return list(dict.fromkeys(found))
 
@@ -54,26 +56,27 @@ class Recipes:
         except UnicodeDecodeError as why:
             raise NoSuchFile(f"{name}: not UTF-8") from why
 
-    def path(self, name: str) -> Path:
-        """Where a recipe is.
+    def path(self, name: str, kind: Kind = "recipe") -> Path:
+        """Where a recipe or calibration is.
 
         Raises:
             NoSuchFile: there is none of this name.
         """
-        return self._folder_of(name) / name
+        return self._folder_of(name, kind) / name
 
-    def _folder_of(self, name: str) -> Path:
-        if name in self.names():
+    def _folder_of(self, name: str, kind: Kind = "recipe") -> Path:
+        if name in self.names(kind):
             for folder in self._folders:
                 if (folder / name).is_file() and not (folder / name).is_symlink():
                     return folder
         raise NoSuchFile(f"{name[:100]}: no such recipe")
 
 
-def _is_recipe(path: Path) -> bool:
+def _is(path: Path, kind: Kind) -> bool:
+    key = f"{kind}:".encode()
     try:
         with path.open("rb") as file:
-            return any(line.startswith(b"recipe:") for line in file.read(MOST_RECIPE).splitlines())
+            return any(line.startswith(key) for line in file.read(MOST_RECIPE).splitlines())
     except OSError:
         return False
 

@@ -11,9 +11,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-from stagectl import report
-
-_STATIC = Path(report.__file__).parent / "static"
+_STATIC = Path(__file__).parents[1] / "report" / "static"
 _INLINE = "page.start(() => {});"
 """The script of pages that have none of their own (templates/page.html.j2)."""
 

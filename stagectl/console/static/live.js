@@ -26,13 +26,13 @@ export function StageTable({ close }) {
   const { state, notices } = useStore();
   const axes = state.axes || [], info = state.server.axes;
   const run = state.run, sites = state.sites || [];
-  const of = run ? results(notices, run.entry) : null;
+  const of = run ? results(notices, run.entry, run.limits) : null;
   const shown = sites.map(([x, y], k) => ({
-    x, y, state: siteState(k + 1, { site: run.site, done: run.done, failed: of && of.failed, total: sites.length }),
+    x, y, state: siteState(k + 1, { site: run.site, done: run.done, failed: of && of.failed, passed: of && of.passed, total: sites.length }),
   }));
   return html`<${Table} close=${close} travel=${info.map((a) => a.travel)} axes=${info.map((a) => a.name)} sites=${shown}
       position=${axes.length > 1 ? axes.map((a) => a.position) : null} />
-    ${sites.length ? html`<${Key} states=${["done", "current", "next", "waiting", "failed"]} />` : ""}`;
+    ${sites.length ? html`<${Key} states=${[of && of.passed.size ? "passed" : "done", "current", "next", "waiting", "failed"]} />` : ""}`;
 }
 
 export function AxisCard({ axis, number }) {

@@ -1,7 +1,7 @@
 // Runs, diagnoses of the gap, friction maps: what is on disk, each report one click away.
 
 import { html, useStore, useEffect, useState, Badge, Command, Confirm } from "./parts.js";
-import { get, post, store, toast } from "./connection.js";
+import { get, me, post, release, store, toast } from "./connection.js";
 import { day, lasting, ms } from "./format.js";
 
 const OUTCOME = { completed: ["good", "✓"], running: ["busy", "▶"], aborted: ["warning", "■"], fault: ["bad", "✕"], killed: ["bad", "✕"], unreadable: ["bad", "✕"] };
@@ -72,8 +72,7 @@ export function Gap() {
   const begin = () => post("/api/gaps/start", { runs: chosen }).catch((why) => toast(why.message));
   return html`<section class="panel"><div class="row head"><h2>Diagnose the gap between simulation and recordings</h2></div>
       <p class="note">A diagnosis takes minutes and runs beside the stage with the lowest priority.${moves ? " This computer moves a stage now: rather wait for the end of the run." : ""}</p>
-      ${job ? html`<p class="hint ${active ? "" : job.code === 0 ? "good" : "bad"}">${active ? "▶ " : job.code === 0 ? "✓ " : "✕ "}${job.what}: ${active ? `under way for ${lasting(Date.now() / 1e3 - job.began)}` : job.code === 0 ? "done" : "failed"}${job.line ? html`<br /><small>${job.line}</small>` : ""}
-        ${active ? html` <button type="button" onClick=${() => post("/api/gaps/cancel").catch((why) => toast(why.message))}>Cancel</button>` : ""}</p>` : ""}
+      <${JobBeside} job=${job} />
       <div class="scroll tall"><table class="records"><tbody>${(runs || []).filter((r) => r.recorded).slice(0, 200).map((run) => html`<tr key=${run.folder}><td><label class="check"><input type="checkbox" checked=${chosen.includes(run.folder)} onChange=${() => toggle(run.folder)} /> ${run.folder}</label></td><td>${day(run.started)}</td><td>${run.recipe}</td><td>${run.outcome}</td></tr>`)}</tbody></table></div>
       <div class="row"><button type="button" class="main" disabled=${!chosen.length || active} onClick=${begin}>Diagnose ${chosen.length || ""} recording${chosen.length === 1 ? "" : "s"}</button></div>
     </section>
@@ -95,16 +94,54 @@ export function Friction() {
   const act = (path, values) => post(path, values).then((done) => { toast(done.said, "good"); setAgain(again + 1); }).catch((e) => toast(e.message));
   const show = (number) => post("/api/maps/page", number == null ? {} : { number }).then((made) => setPage(made.page + "?" + Date.now())).catch((e) => toast(e.message));
   const versions = (found && found.maps) || [];
+  const job = store.state.job_beside;
+  useEffect(() => { if (job && job.ended) setAgain((n) => n + 1); }, [job && job.ended]);
   return html`<section class="panel"><div class="row head"><h2>Friction maps</h2><span class="space"></span>
       <${Command} disabled=${!versions.length} act=${() => setAsking(["Return to the map that was in use before this one?", "Roll back", () => act("/api/maps/rollback", {})])}>Roll back<//></div>
     ${why ? html`<p class="hint">${why}</p>` : ""}
     <table class="records"><thead><tr><th>Version</th><th>Made</th><th>Sites</th><th>Comment</th><th></th><th></th></tr></thead><tbody>${[...versions].reverse().map((v) => html`<tr key=${v.map}>
-      <td>${v.map} ${v.active ? html`<${Badge} tone="good" mark="✓">in use<//>` : ""}</td><td>${new Date(v.made * 1e3).toLocaleString()}</td><td>${Object.entries(v.sites).map(([axis, count]) => `${axis}: ${count}`).join(", ")}</td><td class="text">${v.comment || ""}</td>
+      <td>${v.map} ${v.active ? html`<${Badge} tone="good" mark="✓">in use<//>` : ""}</td><td>${day(new Date(v.made * 1e3).toISOString())} UTC</td><td>${Object.entries(v.sites).map(([axis, count]) => `${axis}: ${count}`).join(", ")}</td><td class="text">${v.comment || ""}</td>
       <td><button type="button" onClick=${() => show(v.map)}>Draw</button></td>
       <td><${Command} disabled=${v.active} act=${() => setAsking([`Use map ${v.map} in further runs?`, "Activate", () => act("/api/maps/activate", { number: v.map })])}>Activate<//></td></tr>`)}</tbody></table>
     ${found && !versions.length ? html`<p class="note">There is no map in this history yet.</p>` : ""}
     ${page ? html`<p class="hint good"><${Open} to=${page}>Open the map: uncertainty, trend of every site, changes<//></p>` : ""}
-    <p class="note">Made by <code>stagectl calibrate SITES.yaml</code>, of due sites alone with <code>--due</code>; that needs the stage for itself, with the stage server ended. Runs use the active map.</p>
+    <p class="note">Runs use the active map.</p>
     ${asking ? html`<${Confirm} text=${asking[0]} yes=${asking[1]} act=${asking[2]} close=${() => setAsking(null)} />` : ""}
+  </section><${Calibrate} />`;
+}
+
+// A calibration is a command of its own on the stage server, so this page gives command back to it.
+function Calibrate() {
+  const { state } = useStore();
+  const names = useLoaded("/api/calibrations") || [];
+  const [chosen, setChosen] = useState("");
+  const [due, setDue] = useState(null);
+  const [asking, setAsking] = useState(null);
+  const sites = chosen || names[0] || "";
+  const job = state.job_beside, active = job && job.ended == null;
+  const asked = (only) => ({ sites, due: only, operator: me.name });
+  const look = () => { setDue("looking …"); post("/api/calibrations/due", asked(true)).then((f) => setDue(f.would_visit || [])).catch((e) => { setDue(null); toast(e.message); }); };
+  const begin = async (only) => {
+    await release();
+    post("/api/calibrations/start", asked(only)).catch((e) => toast(e.message));
+  };
+  const confirm = (only) => setAsking(only);
+  return html`<section class="panel"><div class="row head"><h2>Calibrate</h2>
+      <select aria-label="Sites" value=${sites} onChange=${(e) => { setChosen(e.target.value); setDue(null); }}>${names.map((n) => html`<option key=${n} value=${n}>${n}</option>`)}</select>
+      <button type="button" disabled=${!sites || active} onClick=${look}>Which sites are due?</button>
+      <${Command} disabled=${!sites || active || state.run} act=${() => confirm(true)}>Calibrate due sites<//>
+      <${Command} disabled=${!sites || active || state.run} act=${() => confirm(false)}>Calibrate all sites<//></div>
+    ${due === null ? "" : typeof due === "string" ? html`<p class="note">${due}</p>` : html`<p class="hint">${due.length ? `Due: ${due.map(([x, y]) => `(${+(x * 1e3).toFixed(3)}, ${+(y * 1e3).toFixed(3)})`).join(", ")} mm` : "No site is due."}</p>`}
+    <${JobBeside} job=${job} />
+    <p class="note">Friction is measured at fixed sites, and a new version of the map is made; it is used once it is activated.</p>
+    ${asking === null ? "" : html`<${Confirm} text="Calibrate? The stage moves. Command is given back, and passes to the calibration; Stop works as always." yes="Calibrate" act=${() => begin(asking)} close=${() => setAsking(null)} />`}
   </section>`;
+}
+
+// A command that runs beside the stage server.
+function JobBeside({ job }) {
+  if (!job) return "";
+  const active = job.ended == null, good = job.code === 0;
+  return html`<p class="hint ${active ? "" : good ? "good" : "bad"}">${active ? "▶ " : good ? "✓ " : "✕ "}${job.what}: ${active ? `under way for ${lasting(Date.now() / 1e3 - job.began)}` : good ? "done" : "failed"}${job.line ? html`<br /><small>${job.line}</small>` : ""}
+    ${active ? html` <button type="button" onClick=${() => post("/api/gaps/cancel").catch((why) => toast(why.message))}>Cancel</button>` : ""}</p>`;
 }

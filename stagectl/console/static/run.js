@@ -153,7 +153,7 @@ function Results({ run, sites, of }) {
   });
   const rows = [...of.sites.entries()].sort(([a], [b]) => b - a);
   return html`<div class="results"><div><${Table} close travel=${state.server.axes.map((a) => a.travel)} axes=${axes} sites=${marked} />
-      <${Key} states=${[...(of.passed.size ? ["passed"] : []), "done", "current", "next", "waiting", "failed"]} /><p class="note">Figures: settling of the micro-move, ms, as the run saw it; what counts is evaluated from the recording at its end.</p></div>
+      <${Key} states=${[of.passed.size ? "passed" : "done", "current", "next", "waiting", "failed"]} /><p class="note">Figures: settling of the micro-move, ms, as the run saw it; what counts is evaluated from the recording at its end.</p></div>
     <div class="scroll tall"><table class="sites"><thead><tr><th>Site</th><th class="n">Macro, ms</th><th class="n">Micro, ms</th><th></th>${axes.map((a) => html`<th class="n" key=${a}>Fc ${a}, N</th>`)}</tr></thead>
       <tbody>${rows.map(([site, found]) => html`<tr key=${site}><td>${site}</td><td class="n">${ms(found.macro)}</td><td class="n">${ms(found.micro)}</td>
         <td>${of.failed.has(site) ? html`<${Badge} tone="bad" mark="✕">${found.settled ? "over the limit" : "not settled"}<//>` : of.passed.has(site) ? html`<${Badge} tone="good" mark="✓">pass<//>` : ""}</td>

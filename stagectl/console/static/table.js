@@ -2,7 +2,7 @@
 
 import { html } from "./parts.js";
 
-const WORDS = { done: "done", passed: "within its limits", failed: "failed", current: "now", next: "next", waiting: "waiting" };
+const WORDS = { done: "done", passed: "passed", failed: "failed", current: "now", next: "next", waiting: "waiting" };
 
 // A mark for each state of a site, told apart by shape first.
 function Mark({ state, x, y, r, title }) {
@@ -30,7 +30,7 @@ export function Table({ travel, sites = [], path = [], position, axes, close = f
   const xs = sites.map((s) => s.x * 1e3), ys = sites.map((s) => s.y * 1e3);
   if (close && sites.length > 1) { // the sites alone, for their values
     const pad = 0.12 * Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys), 1);
-    [x0, x1, y0, y1] = [Math.min(...xs) - pad, Math.max(...xs) + pad, Math.min(...ys) - pad, Math.max(...ys) + pad];
+    [x0, x1, y0, y1] = [Math.min(...xs) - pad, Math.max(...xs) + pad, Math.min(...ys) - 1.6 * pad, Math.max(...ys) + pad];
   }
   const w = x1 - x0, h = y1 - y0, size = Math.max(w, h), m = 0.055 * size;
   const spacing = nearest(sites);
