@@ -38,7 +38,7 @@ micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
 settle: {window: 1.0e-6, hold: 0.01, timeout: 0.5}
 expose: 0.5
 sites: {grid: {origin: [-0.05, -0.05], pitch: [0.02, 0.02], count: [6, %d]}}
-fiducial: none
+fiducial: {source: none}
 """
 
 
@@ -74,7 +74,7 @@ class Console:
         opened = connect(
             f"ws://{host}/ws?ticket={ticket}", origin=f"http://{host}", proxy=None,
             additional_headers={"Cookie": self._cookie}, max_size=None,
-        )  # fmt: skip
+        ).__enter__()  # fmt: skip
         opened.send('{"samples": true}')
         return opened
 
