@@ -3,7 +3,8 @@
 From the bottom: `folder`, `reports` (files from a request), `access` (tokens, cookies, tickets,
 rates), `gate` (what every request passes), `bodies` (JSON), `samples` and `scope_export`, `link`
 (watches the server), `recipes`, `archive` (runs, diagnoses, maps), `jobs`, `server_process`,
-`session` (one page's websocket), `app` (routes), `process`. The page is in `static/`.
+`session` (one page's websocket), `context`, `records` and `app` (routes), `process`. The page is in
+`static/`.
 """
 
 from stagectl.console.process import Listening as Listening

@@ -9,11 +9,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from annotated_types import Len
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -24,25 +22,21 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from stagectl.client import Refused
-from stagectl.console.access import SHIFT, Access
-from stagectl.console.archive import Archive
-from stagectl.console.bodies import read_body
+from stagectl.console import records
+from stagectl.console.access import SHIFT
+from stagectl.console.bodies import Nothing, read_body
+from stagectl.console.context import Console
 from stagectl.console.folder import NoSuchFile
-from stagectl.console.gate import LOG_IN, SOCKET, STOP, Addresses, Gate, RefusedRequest
-from stagectl.console.jobs import Jobs
-from stagectl.console.link import StageLink
-from stagectl.console.recipes import Recipes
+from stagectl.console.gate import LOG_IN, SOCKET, STOP, Gate, RefusedRequest
 from stagectl.console.samples import columns
 from stagectl.console.scope_export import as_csv, as_hdf5
-from stagectl.console.server_process import ServerProcess
 from stagectl.console.session import Session
 from stagectl.errors import StagectlError
-from stagectl.protocol.message import Index, Message, Name, Text
+from stagectl.protocol.message import Message, Name, Text
 
 _STATIC = Path(__file__).parent / "static"
 _PLOTS = Path(__file__).parents[1] / "report" / "static"
 MOST_SESSIONS = 32
-Names = Annotated[tuple[Name, ...], Len(1, 20)]
 
 
 class _LogIn(Message):
@@ -51,65 +45,6 @@ class _LogIn(Message):
 
 class _Ticket(Message):
     name: Name
-
-
-class _Nothing(Message):
-    pass
-
-
-class _Diagnose(Message):
-    runs: Names
-
-
-class _Calibrate(Message):
-    sites: Name
-    due: bool
-    operator: Name
-
-
-class _Map(Message):
-    number: Index | None = None
-
-
-@dataclass
-class Console:
-    """What the routes work with.
-
-    Attributes:
-        access, addresses: who may, and under which address.
-        cookie: its name.
-        link: to the stage server.
-        server: the process that the console starts it as, or None.
-        recipes: that the page offers.
-        jobs: diagnoses and the like.
-        data: folder of runs where no server names one.
-    """
-
-    access: Access
-    addresses: Addresses
-    cookie: str
-    link: StageLink
-    server: ServerProcess | None
-    recipes: Recipes
-    jobs: Jobs
-    data: Path
-
-    def __post_init__(self) -> None:
-        self.sessions = 0
-        self.gate: Gate
-
-    @property
-    def archive(self) -> Archive:
-        """The data folder."""
-        served = self.link.info
-        return Archive(self.data if served is None else Path(served.data))
-
-    def parts(self) -> dict[str, Any]:
-        """Parts of the page's state that do not come from the stage server."""
-        return {
-            "process": None if self.server is None else self.server.status(),
-            "job_beside": self.jobs.as_dict(),
-        }
 
 
 def make_app(console: Console) -> Gate:
@@ -141,23 +76,23 @@ def make_app(console: Console) -> Gate:
             post(STOP, _stop),
             post("/api/ticket", _ticket),
             post("/api/server/start", _start_server),
-            get("/api/recipes", _recipes),
-            get("/api/recipes/{name}", _recipe),
-            get("/api/runs", _runs),
-            get("/api/gaps", _gaps),
-            post("/api/gaps/start", _diagnose),
-            post("/api/gaps/cancel", _cancel),
-            get("/api/calibrations", _calibrations),
-            post("/api/calibrations/due", _due),
-            post("/api/calibrations/start", _calibrate),
-            get("/api/maps", _maps),
-            post("/api/maps/page", _map_page),
-            post("/api/maps/activate", _activate),
-            post("/api/maps/rollback", _roll_back),
+            get("/api/recipes", records.recipes),
+            get("/api/recipes/{name}", records.recipe),
+            get("/api/runs", records.runs),
+            get("/api/gaps", records.gaps),
+            post("/api/gaps/start", records.diagnose),
+            post("/api/gaps/cancel", records.cancel),
+            get("/api/calibrations", records.calibrations),
+            post("/api/calibrations/due", records.due),
+            post("/api/calibrations/start", records.calibrate),
+            get("/api/maps", records.maps),
+            post("/api/maps/page", records.map_page),
+            post("/api/maps/activate", records.activate),
+            post("/api/maps/rollback", records.roll_back),
             get("/api/scope.csv", _scope_csv),
             get("/api/scope.h5", _scope_hdf5),
-            get("/files/{folder}/{name}", _file),
-            get("/files/gaps/{folder}/{name}", _gap_file),
+            get("/files/{folder}/{name}", records.file),
+            get("/files/gaps/{folder}/{name}", records.gap_file),
         ],
         exception_handlers={HTTPException: _http_error},
         lifespan=lifespan,
@@ -233,114 +168,17 @@ async def _ticket(console: Console, request: Request) -> Response:
 
 
 async def _stop(console: Console, request: Request) -> Response:
-    await read_body(request, _Nothing)
+    await read_body(request, Nothing)
     await console.link.stop("in the console")
     return JSONResponse({})
 
 
 async def _start_server(console: Console, request: Request) -> Response:
-    await read_body(request, _Nothing)
+    await read_body(request, Nothing)
     if console.server is None:
         raise StagectlError("this console watches a server that it has not started")
     console.server.start()
     return JSONResponse({})
-
-
-# Recipes, runs, diagnoses, maps.
-
-
-async def _recipes(console: Console, request: Request) -> Response:
-    return JSONResponse(await run_in_threadpool(console.recipes.names))
-
-
-async def _recipe(console: Console, request: Request) -> Response:
-    text = await run_in_threadpool(console.recipes.read, request.path_params["name"])
-    return JSONResponse({"text": text})
-
-
-async def _runs(console: Console, request: Request) -> Response:
-    return JSONResponse(await run_in_threadpool(console.archive.runs))
-
-
-async def _gaps(console: Console, request: Request) -> Response:
-    return JSONResponse(await run_in_threadpool(console.archive.gaps))
-
-
-async def _diagnose(console: Console, request: Request) -> Response:
-    asked = await read_body(request, _Diagnose)
-    folder, arguments = await run_in_threadpool(console.archive.diagnosis, asked.runs)
-    console.jobs.begin(f"diagnosis of {', '.join(asked.runs)}", folder, arguments)
-    return JSONResponse({"folder": folder.name})
-
-
-async def _cancel(console: Console, request: Request) -> Response:
-    await read_body(request, _Nothing)
-    console.jobs.cancel()
-    return JSONResponse({})
-
-
-async def _calibrations(console: Console, request: Request) -> Response:
-    return JSONResponse(await run_in_threadpool(console.recipes.names, "calibrate"))
-
-
-async def _due(console: Console, request: Request) -> Response:
-    asked = await read_body(request, _Calibrate)
-    looking = (*_on_server(console), "--due", "--dry-run", "--json", "-")
-    sites = await run_in_threadpool(console.recipes.path, asked.sites, "calibrate")
-    found = await console.jobs.ask(console.archive.calibrate_command(sites, *looking))
-    return Response(found, media_type="application/json")
-
-
-async def _calibrate(console: Console, request: Request) -> Response:
-    asked = await read_body(request, _Calibrate)
-    sites = await run_in_threadpool(console.recipes.path, asked.sites, "calibrate")
-    due = ("--due",) if asked.due else ()
-    options = (*_on_server(console), "--operator", asked.operator, *due)
-    command = console.archive.calibrate_command(sites, *options)
-    console.jobs.begin(f"calibration by {sites.name}", sites, command)
-    return JSONResponse({})
-
-
-def _on_server(console: Console) -> tuple[str, ...]:
-    """Options that name the stage server, and its machine file where it is one."""
-    return ("--server", console.link.where.name, *_machine(console))
-
-
-def _machine(console: Console) -> tuple[str, ...]:
-    served = console.link.info
-    if served is None or not Path(served.machine_file).is_file():
-        return ()
-    return ("--machine", served.machine_file)
-
-
-async def _maps(console: Console, request: Request) -> Response:
-    arguments = console.archive.map_command("history", "--json", "-")
-    return Response(await console.jobs.ask(arguments), media_type="application/json")
-
-
-async def _map_page(console: Console, request: Request) -> Response:
-    asked = await read_body(request, _Map)
-    number = () if asked.number is None else (str(asked.number),)
-    page = await run_in_threadpool(console.archive.map_page)
-    await console.jobs.ask(console.archive.map_command("show", *number, "--html", str(page)))
-    return JSONResponse({"page": f"/files/{page.parent.name}/{page.name}"})
-
-
-async def _activate(console: Console, request: Request) -> Response:
-    asked = await read_body(request, _Map)
-    return await _use_map(
-        console, "activate", *(() if asked.number is None else (str(asked.number),))
-    )
-
-
-async def _roll_back(console: Console, request: Request) -> Response:
-    await read_body(request, _Nothing)
-    return await _use_map(console, "rollback")
-
-
-async def _use_map(console: Console, *arguments: str) -> Response:
-    said = await console.jobs.ask(console.archive.map_command(*arguments, *_machine(console)))
-    return JSONResponse({"said": said.strip()})
 
 
 # Files.
@@ -374,16 +212,6 @@ def _stretch(console: Console, request: Request) -> tuple[Any, list[str], str]:
         columns([axis.name for axis in served.axes]),
         f"{served.machine} on {served.bus}",
     )
-
-
-async def _file(console: Console, request: Request) -> Response:
-    folder, name = request.path_params["folder"], request.path_params["name"]
-    return await run_in_threadpool(console.archive.file, folder, name)
-
-
-async def _gap_file(console: Console, request: Request) -> Response:
-    folder, name = request.path_params["folder"], request.path_params["name"]
-    return await run_in_threadpool(console.archive.file, "gaps", folder, name)
 
 
 def _download(data: bytes, name: str, kind: str) -> Response:

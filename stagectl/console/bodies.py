@@ -10,11 +10,16 @@ from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect, Request
 
 from stagectl.console.gate import LARGEST, RefusedRequest
+from stagectl.protocol.message import Message
 from stagectl.protocol.wire import one_problem
 
 TIMEOUT = 10.0
 """For a body to arrive [s]."""
 Model = TypeVar("Model", bound=BaseModel)
+
+
+class Nothing(Message):
+    """A body without content: `{}`."""
 
 
 class BadBody(ValueError):  # noqa: N818

@@ -15,7 +15,8 @@ import click
 import uvicorn
 
 from stagectl.console.access import Access, check_token
-from stagectl.console.app import Console, make_app
+from stagectl.console.app import make_app
+from stagectl.console.context import Console
 from stagectl.console.gate import LARGEST, Addresses, is_loopback
 from stagectl.console.jobs import Jobs
 from stagectl.console.link import StageLink

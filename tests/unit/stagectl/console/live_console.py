@@ -10,7 +10,8 @@ import uvicorn
 from websockets.sync.client import connect
 
 from stagectl.console.access import Access
-from stagectl.console.app import Console, make_app
+from stagectl.console.app import make_app
+from stagectl.console.context import Console
 from stagectl.console.gate import Addresses
 from stagectl.console.jobs import Jobs
 from stagectl.console.link import StageLink

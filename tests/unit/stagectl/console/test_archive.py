@@ -47,6 +47,8 @@ def test_recipes_are_those_of_the_folder_and_the_packaged_ones(tmp_path):
     assert recipes.names() == ["inspection-20.yaml", "mine.yaml"]
     assert recipes.read("inspection-20.yaml") == "recipe: my own\n"
     assert Recipes(None).names() == ["inspection-20.yaml"]
+    assert recipes.names("calibrate") == ["sites.yaml", "calibration-9.yaml"]
+    assert recipes.path("sites.yaml", "calibrate") == tmp_path / "sites.yaml"
     with pytest.raises(NoSuchFile):
         recipes.path("sites.yaml")
 
