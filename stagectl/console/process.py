@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import signal
 import socket
@@ -9,6 +10,7 @@ import webbrowser
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -63,7 +65,7 @@ def serve_console(
         UnusableInput: address or token are unusable.
     """
     token = _token(at)
-    with _listen(at.host, at.port) as listening:
+    with _listen(at.host, at.port) as listening, TemporaryDirectory(prefix="stagectl-") as own:
         port = listening.getsockname()[1]
         console = Console(
             Access(token), Addresses.of(at.host, port, at.origins), f"stagectl-{port}",
@@ -75,10 +77,19 @@ def serve_console(
         if server is not None:
             server.start()
         if browser:
-            webbrowser.open(address)
+            _open_browser(address, Path(own))
         _run(console, listening)
     if server is not None and server.is_running:
         _leave(server, console.link)
+
+
+def _open_browser(address: str, folder: Path) -> None:
+    """Open the page by a file of the user's: a browser's arguments can be read by all users."""
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return  # a browser in this terminal would be in the way
+    page = folder / "console.html"
+    page.write_text(f'<meta http-equiv="refresh" content="0;url={address}">', encoding="utf-8")
+    webbrowser.open(page.as_uri())
 
 
 def _run(console: Console, listening: socket.socket) -> None:

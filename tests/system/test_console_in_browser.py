@@ -208,8 +208,13 @@ def release(page, how):
         page.evaluate(f"dispatchEvent(new {event}('{how}'))")
 
 
+def rarely(how):
+    return pytest.param(how, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
-    "how", ["released", "hidden", "pointercancel", "blur", "another page", "left"]
+    "how",
+    ["hidden", "pointercancel", "left", *map(rarely, ["released", "blur", "another page"])],
 )
 def test_hold_to_move_ends(anna, client, held, how):
     before = client.state().axes[0].position
@@ -224,6 +229,7 @@ def test_hold_to_move_ends(anna, client, held, how):
     assert abs(client.state().axes[0].position - at_rest) < 1e-6
 
 
+@pytest.mark.slow
 def test_steps_and_figures_move_an_axis(anna, client, held):
     before = client.state().axes[1].position
     anna.page.click("button:text-is('+ y')")
@@ -259,6 +265,7 @@ def test_a_second_browser_watches_and_stops_but_does_not_command(anna, client, b
         ben.leave()
 
 
+@pytest.mark.slow
 def test_a_server_that_is_killed_in_mid_run_comes_back_and_starts_nothing(anna, client, served):
     page = anna.page
     anna.take()
