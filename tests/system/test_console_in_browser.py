@@ -173,6 +173,33 @@ def test_a_recipe_error_shows_its_line(anna):
     assert anna.page.is_disabled("text=Queue and start")
 
 
+DECIMATED = """async () => {
+    const { Ring } = await import("/static/samples.js");
+    const ring = new Ring(), rows = 8, error = 4, lost = [];
+    const frame = (first, count, spikes) => {
+        const buffer = new ArrayBuffer(24 + 8 * rows * count);
+        new Uint32Array(buffer, 0, 4).set([1, 1, count, 0]);
+        new DataView(buffer).setFloat64(16, first, true);
+        const values = new Float64Array(buffer, 24);
+        for (const [at, value] of spikes) values[error * count + at - first] = value;
+        ring.take(buffer);
+    };
+    frame(1000, 9000, [[1234, 5], [7777, -5]]);
+    frame(10050, 5000, [[12345, 7]]); // behind a gap of 50
+    for (const bins of [50, 333, 1000, 4000]) for (let first = 1000; first < 1230; first += 7) {
+        const [numbers, [values]] = ring.decimated([error], first, 15050, bins);
+        if (Math.max(...values) !== 7 || Math.min(...values) !== -5) lost.push([bins, first]);
+        if (!values.includes(5) || numbers.length > 2 * bins + 4) lost.push([bins, first]);
+    }
+    const [, [gap]] = ring.decimated([error], 10000, 10050, 50);
+    return { lost, gap: gap.every((value) => value === null), end: ring.end };
+}"""
+
+
+def test_what_the_scope_draws_loses_no_spike(anna):
+    assert anna.page.evaluate(DECIMATED) == {"lost": [], "gap": True, "end": 15050}
+
+
 def moved(client, before):
     return abs(client.state().axes[0].position - before) > 20e-6
 

@@ -4,7 +4,7 @@ import { html } from "./parts.js";
 
 const WORDS = { done: "done", passed: "passed", failed: "failed", current: "now", next: "next", waiting: "waiting" };
 
-// A mark for each state of a site, told apart by shape first.
+// A mark for each state of a site, distinguished by shape first.
 function Mark({ state, x, y, r, title }) {
   const name = html`<title>${title}</title>`;
   const at = `translate(${x} ${y})`;
