@@ -1,7 +1,7 @@
 """What a stage server costs and how fast it stops, on virtual drives paced by the wall clock.
 
-    python -m benchmarks.server            # watchers, presses of stop, kills
-    python -m benchmarks.server --watchers # one of them: --watchers, --stops, --kills
+    python -m benchmarks.server.served_stage            # watchers, presses of stop, kills
+    python -m benchmarks.server.served_stage --watchers # one of them: --watchers, --stops, --kills
 
 Ratios and differences within one run of it; nothing else should run on the computer.
 """
