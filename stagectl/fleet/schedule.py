@@ -223,6 +223,8 @@ class _Left:
         Raises:
             _SchedulerLost: it was cancelled, which nobody but a lost connection does.
         """
+        if future.status == "cancelled":
+            raise _SchedulerLost
         try:
             if future.status == "finished":
                 return Outcome(job, future.result(_GATHER))
@@ -231,6 +233,8 @@ class _Left:
             raise _SchedulerLost from lost
         except (KilledWorker, TimeoutError):
             return None  # its worker died before it could pass the answer on
+        if isinstance(error, CancelledError):
+            raise _SchedulerLost from error
         if isinstance(error, KilledWorker):
             if job.url not in self._suspects:
                 self._suspects.add(job.url)

@@ -94,6 +94,7 @@ def test_another_scheduler_gets_what_a_lost_one_has_not_finished(job):
 
     said, ended = [], []
     for outcome in outcomes(jobs, connect, said.append, work=take_time):
+        assert outcome.done == done(outcome.job)
         ended.append(outcome.job.url)
         if len(ended) == 1:
             held = [Future(key, clusters[0]) for key in clusters[0].futures]
