@@ -144,11 +144,13 @@ def cluster(workers: int, folder: Path) -> Iterator[Cluster]:
 
 
 def _children(pid: int) -> list[int]:
-    try:
-        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    except OSError:
-        return []
-    return [child for one in map(int, text.split()) for child in (one, *_children(one))]
+    found: list[int] = []
+    for task in Path("/proc").glob(f"{pid}/task/*/children"):  # any thread may have started one
+        try:
+            found += map(int, task.read_text().split())
+        except OSError:
+            continue
+    return [child for one in found for child in (one, *_children(one))]
 
 
 def _resident(pid: int) -> int:
