@@ -114,6 +114,7 @@ def diagnose(
         if todo:
             ran.run(todo, _connect(where, len(todo)), json_out)
     finally:
+        ledger.adopt(todo)
         ledger.save()
     report = ran.report(len(sources))
     show_result(report, json_out, *_lines(report))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 from stagectl.errors import UnusableInput
-from stagectl.fleet.rows import ENTRY, RESULT, WHOLE_ONLY, Row, from_parquet, to_parquet
+from stagectl.fleet.rows import ENTRY, REFUSED, RESULT, WHOLE_ONLY, Row, from_parquet, to_parquet
 from stagectl.fleet.storage import Folder
 from stagectl.fleet.task import RESULTS, Done, Job
 
@@ -62,6 +62,20 @@ class Ledger:
             done.url, stamp=done.stamp, content=done.content, result=done.result,
             refusal=done.refusal,
         )  # fmt: skip
+
+    def adopt(self, jobs: Sequence[Job]) -> None:
+        """Note results of these jobs whose answer has not come: this client was stopped before."""
+        of_url = {job.url: job for job in jobs}
+        known = {str(entry["result"]) for entry in self._entries.values()}
+        for name in sorted(self._folder.names(RESULTS) - known):
+            try:
+                (row,) = from_parquet(self._folder.read([name])[name], RESULT, WHOLE_ONLY)
+            except (ValueError, KeyError):
+                continue  # another's, or being replaced
+            job = of_url.get(str(row["recording"]))
+            if job is not None and job.result(str(row["content"])) == name:
+                refusal = row["reason"] if row["verdict"] == REFUSED else None
+                self.note(Done(job.url, job.stamp, row["content"], name, False, refusal))
 
     def note_failure(self, url: str, reason: str) -> None:
         """A recording has none; it is tried again next time."""

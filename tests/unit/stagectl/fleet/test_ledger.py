@@ -83,3 +83,18 @@ def test_damaged_and_missing_files_are_named(known, job):
     known.write(FILE, b"")
     with pytest.raises(UnusableInput, match=f"{FILE}: damaged"):
         Ledger(known)
+
+
+def test_results_whose_answer_has_not_come_are_adopted(folder, job, row):
+    """A client that is stopped knows no more than it was answered."""
+    mine, other = job("1.h5"), job("2.h5")
+    for of, content in ((mine, "c"), (other, "d")):
+        result = to_parquet([row(recording=of.url, content=content)], RESULT)
+        folder.write(of.result(content), result)
+    folder.write("results/aa/damaged.parquet", b"?")
+    ledger = Ledger(folder)
+    ledger.adopt([mine])
+    ledger.save()
+    assert [row["recording"] for row in Ledger(folder).rows()] == [mine.url]
+    todo, done = Ledger(folder).split([mine, other])
+    assert (todo, [of.url for of in done]) == ([other], [mine.url])
