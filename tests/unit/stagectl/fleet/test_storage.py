@@ -26,8 +26,10 @@ def bucket():
     with pytest.MonkeyPatch.context() as patch:
         for name, value in (given | {"AWS_ENDPOINT_URL": f"http://{host}:{port}"}).items():
             patch.setenv(name, value)
+        s3fs.S3FileSystem.clear_instance_cache()  # one may know another test's server
         s3fs.S3FileSystem().mkdir("fab")
         yield "s3://fab"
+    s3fs.S3FileSystem.clear_instance_cache()
     server.stop()
 
 
