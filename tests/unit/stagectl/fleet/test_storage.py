@@ -27,8 +27,8 @@ def bucket():
         for name, value in (given | {"AWS_ENDPOINT_URL": f"http://{host}:{port}"}).items():
             patch.setenv(name, value)
         s3fs.S3FileSystem.clear_instance_cache()  # one may know another test's server
-        s3fs.S3FileSystem().mkdir("fab")
-        yield "s3://fab"
+        s3fs.S3FileSystem().mkdir("another")  # servers of one process have the same buckets
+        yield "s3://another"
     s3fs.S3FileSystem.clear_instance_cache()
     server.stop()
 
