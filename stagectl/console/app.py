@@ -25,7 +25,7 @@ from stagectl.client import Refused
 from stagectl.console import records
 from stagectl.console.access import SHIFT
 from stagectl.console.bodies import Nothing, read_body
-from stagectl.console.context import Console
+from stagectl.console.context import Context
 from stagectl.console.folder import NoSuchFile
 from stagectl.console.gate import LOG_IN, SOCKET, STOP, Gate, RefusedRequest
 from stagectl.console.samples import columns
@@ -47,7 +47,7 @@ class _Ticket(Message):
     name: Name
 
 
-def make_app(console: Console) -> Gate:
+def make_app(console: Context) -> Gate:
     """The application behind its gate."""
 
     @asynccontextmanager
@@ -57,10 +57,10 @@ def make_app(console: Console) -> Gate:
         watching.cancel()
         await asyncio.gather(watching, console.jobs.close(), return_exceptions=True)
 
-    def get(path: str, answer: Callable[[Console, Request], Awaitable[Response]]) -> Route:
+    def get(path: str, answer: Callable[[Context, Request], Awaitable[Response]]) -> Route:
         return _route(console, path, answer, "GET")
 
-    def post(path: str, answer: Callable[[Console, Request], Awaitable[Response]]) -> Route:
+    def post(path: str, answer: Callable[[Context, Request], Awaitable[Response]]) -> Route:
         return _route(console, path, answer, "POST")
 
     async def socket(websocket: WebSocket) -> None:
@@ -101,7 +101,7 @@ def make_app(console: Console) -> Gate:
     return console.gate
 
 
-def _route(console: Console, path: str, answer: Any, method: str) -> Route:
+def _route(console: Context, path: str, answer: Any, method: str) -> Route:
     async def endpoint(request: Request) -> Response:
         try:
             response: Response = await answer(console, request)
@@ -123,7 +123,7 @@ async def _http_error(request: Request, why: Exception) -> Response:
     return JSONResponse({"error": why.detail}, why.status_code, why.headers)
 
 
-async def _serve_page(console: Console, websocket: WebSocket) -> None:
+async def _serve_page(console: Context, websocket: WebSocket) -> None:
     if console.sessions >= MOST_SESSIONS:
         await websocket.send_denial_response(JSONResponse({"error": "too many pages"}, 429))
         return
@@ -139,11 +139,11 @@ async def _serve_page(console: Console, websocket: WebSocket) -> None:
 # The page, who uses it, and Stop.
 
 
-async def _page(console: Console, request: Request) -> Response:
+async def _page(console: Context, request: Request) -> Response:
     return FileResponse(_STATIC / "index.html")
 
 
-async def _log_in(console: Console, request: Request) -> Response:
+async def _log_in(console: Context, request: Request) -> Response:
     given = await read_body(request, _LogIn)
     cookie = console.access.log_in(given.token)
     if cookie is None:
@@ -159,7 +159,7 @@ async def _log_in(console: Console, request: Request) -> Response:
     return response
 
 
-async def _ticket(console: Console, request: Request) -> Response:
+async def _ticket(console: Context, request: Request) -> Response:
     asked = await read_body(request, _Ticket)
     ticket = console.access.give_ticket(request.scope["session"], asked.name)
     if ticket is None:
@@ -167,13 +167,13 @@ async def _ticket(console: Console, request: Request) -> Response:
     return JSONResponse({"ticket": ticket})
 
 
-async def _stop(console: Console, request: Request) -> Response:
+async def _stop(console: Context, request: Request) -> Response:
     await read_body(request, Nothing)
     await console.link.stop("in the console")
     return JSONResponse({})
 
 
-async def _start_server(console: Console, request: Request) -> Response:
+async def _start_server(console: Context, request: Request) -> Response:
     await read_body(request, Nothing)
     if console.server is None:
         raise StagectlError("this console watches a server that it has not started")
@@ -184,18 +184,18 @@ async def _start_server(console: Console, request: Request) -> Response:
 # Files.
 
 
-async def _scope_csv(console: Console, request: Request) -> Response:
+async def _scope_csv(console: Context, request: Request) -> Response:
     stretch, names, _ = _stretch(console, request)
     return _download(await run_in_threadpool(as_csv, stretch, names), "scope.csv", "text/csv")
 
 
-async def _scope_hdf5(console: Console, request: Request) -> Response:
+async def _scope_hdf5(console: Context, request: Request) -> Response:
     stretch, names, about = _stretch(console, request)
     made = await run_in_threadpool(as_hdf5, stretch, names, about)
     return _download(made, "scope.h5", "application/x-hdf5")
 
 
-def _stretch(console: Console, request: Request) -> tuple[Any, list[str], str]:
+def _stretch(console: Context, request: Request) -> tuple[Any, list[str], str]:
     """The samples that a request names: all that are kept, or from `first` on, `count` of them."""
     served = console.link.info
     if served is None:

@@ -16,7 +16,7 @@ from stagectl.console.server_process import ServerProcess
 
 
 @dataclass
-class Console:
+class Context:
     """What the routes work with.
 
     Attributes:

@@ -18,7 +18,7 @@ import uvicorn
 
 from stagectl.console.access import Access, check_token
 from stagectl.console.app import make_app
-from stagectl.console.context import Console
+from stagectl.console.context import Context
 from stagectl.console.gate import LARGEST, Addresses, is_loopback
 from stagectl.console.jobs import Jobs
 from stagectl.console.link import StageLink
@@ -67,7 +67,7 @@ def serve_console(
     token = _token(at)
     with _listen(at.host, at.port) as listening, TemporaryDirectory(prefix="stagectl-") as own:
         port = listening.getsockname()[1]
-        console = Console(
+        console = Context(
             Access(token), Addresses.of(at.host, port, at.origins), f"stagectl-{port}",
             StageLink(where), server, Recipes(recipes), Jobs(), data,
         )  # fmt: skip
@@ -92,7 +92,7 @@ def _open_browser(address: str, folder: Path) -> None:
     webbrowser.open(page.as_uri())
 
 
-def _run(console: Console, listening: socket.socket) -> None:
+def _run(console: Context, listening: socket.socket) -> None:
     signal.signal(signal.SIGTERM, lambda *_: None)  # uvicorn raises it again when it has ended
     with suppress(KeyboardInterrupt):
         uvicorn.Server(uvicorn.Config(make_app(console), **settings())).run([listening])

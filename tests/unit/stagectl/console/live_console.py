@@ -11,7 +11,7 @@ from websockets.sync.client import connect
 
 from stagectl.console.access import Access
 from stagectl.console.app import make_app
-from stagectl.console.context import Console
+from stagectl.console.context import Context
 from stagectl.console.gate import Addresses
 from stagectl.console.jobs import Jobs
 from stagectl.console.link import StageLink
@@ -83,7 +83,7 @@ def live_console(where, data, recipes=None):
     """
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
-    console = Console(
+    console = Context(
         Access(TOKEN), Addresses.of("127.0.0.1", port, ()), "stagectl-test", StageLink(where), None,
         Recipes(recipes), Jobs(), data,
     )  # fmt: skip
