@@ -65,7 +65,7 @@ def watchers(folder: Path, pairs: int, seconds: float, count: int) -> None:
                         subprocess.Popen([sys.executable, "-c", WATCH, "bench"])
                         for _ in range(count if watched else 0)
                     ]
-                    time.sleep(2.0)
+                    time.sleep(2.0 + len(others))  # until they have started, on few cores
                     before = client.state().late
                     _keep_moving(client, seconds)
                     late = client.state().late - before
