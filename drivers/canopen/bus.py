@@ -106,8 +106,8 @@ class Network(canopen.Network):
         watchers: called about every 25 ms with the time [ns], for deadlines.
         service_due: when `service` has to be called next [ns].
         lock: held by the thread that sends and receives.
-        dispatching: whether a received frame's callbacks are running, which must not wait for
-            another frame.
+        dispatching: the thread (`threading.get_ident`) that is running a received frame's
+            callbacks, which must not wait for another frame; or None.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Network(canopen.Network):
         self.other_host = OtherHost(may_echo(bus))
         self.watchers: list[Callable[[int], None]] = []
         self.lock = threading.RLock()
-        self.dispatching = False
+        self.dispatching: int | None = None
         self._beat_due = self.service_due = self._opened = self.clock.now_ns()
 
     def connect(self, *args: Any, **kwargs: Any) -> Network:
@@ -178,13 +178,13 @@ class Network(canopen.Network):
             return
         if self.tap is not None:
             self.tap(self.clock.now_ns(), message.arbitration_id, bytes(message.data))
-        self.dispatching = True
+        self.dispatching = threading.get_ident()
         try:
             self.notify(message.arbitration_id, message.data, message.timestamp)
         except struct.error:
             pass  # an emergency or heartbeat of the wrong length
         finally:
-            self.dispatching = False
+            self.dispatching = None
 
     def service(self, now: int) -> None:
         """Sends the host's heartbeat when due and calls the watchers."""

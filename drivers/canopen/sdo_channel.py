@@ -123,7 +123,7 @@ class SdoChannel:
 
     def _run(self, job: _Job) -> bytes:
         network = self._network
-        if network.dispatching:
+        if network.dispatching == threading.get_ident():
             raise DriverError(
                 f"node {self.node_id}: SDO access inside a callback of the receive path"
             )

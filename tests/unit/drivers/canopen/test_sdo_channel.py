@@ -94,6 +94,24 @@ def test_an_access_in_a_callback_is_refused_at_once(scripted):
     assert "callback" in str(caught[0])
 
 
+def test_an_access_of_another_thread_waits_for_the_callback(scripted, peer):
+    network = Network(scripted, "scripted")
+    channel = SdoChannel(network, 5)
+    got = []
+    other = threading.Thread(target=lambda: got.append(channel.upload(0x6064, 0)))
+
+    def callback(*_):
+        other.start()
+        other.join(0.05)
+        assert other.is_alive()
+
+    network.subscribe(0x123, callback)
+    scripted.deliver(0x123, b"")
+    network.pump(0.0)
+    other.join(10)
+    assert got == [struct.pack("<I", 1)]
+
+
 def test_threads_share_a_channel_each_with_its_own_answers(pair):
     """Four threads read and write one node of a bus in real time; every answer is the right one."""
     ours, theirs = pair
