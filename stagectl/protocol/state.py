@@ -68,7 +68,9 @@ class AxisState(Message):
         status: power state in words.
         statusword: 0x6041.
         homed: whether position 0 is the stage's zero.
-        inputs: of 0x60FD where the drive sends it, else None.
+        sto: safe torque off is active, or the enable input open (0x60FD bit 3); None where the
+            drive does not report it.
+        brake: the holding brake is set (0x60FE:01 bit 0); None where the drive reports none.
     """
 
     name: str
@@ -80,7 +82,8 @@ class AxisState(Message):
     status: str
     statusword: int | None
     homed: bool
-    inputs: int | None = None
+    sto: bool | None = None
+    brake: bool | None = None
 
 
 class RunLimits(Message):
@@ -207,6 +210,8 @@ class State(Message):
         doing: in a word; `what`: in a line.
         hold_left: until held axes are disabled [s]; None where they are not held idle.
         late, missed: SYNCs that left late and samples missed since the server began.
+        bus_load: share of the bus' time that all frames take at its bit rate, with the most bit
+            stuffing that is possible; None before the first second.
         queue_runs: whether the next entry begins by itself.
         event: number of the last event.
     """
@@ -227,6 +232,7 @@ class State(Message):
     alarms: tuple[Alarm, ...]
     late: int
     missed: int
+    bus_load: float | None = None
     event: int
 
 

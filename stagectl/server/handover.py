@@ -11,12 +11,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
+from drivers.commissioning.bus_budget import worst_bits
 from drivers.errors import BusError, DriverError, LimitError
 from stagectl.errors import Aborted, StagectlError
 from stagectl.sequencer import Event
 
 _AT_ONCE = 8
 """Frames of clients that are sent at once, so that setpoints are not held up."""
+_BITS = tuple(worst_bits(count) for count in range(9))
 _KEPT = 20_000
 """Samples that wait at most; older ones are lost where nobody takes them."""
 
@@ -105,6 +107,7 @@ class Handover:
         outgoing: frames that a client wants to be sent: (CAN-ID, data).
         listened_until: until when frames are kept, on the monotonic clock [s].
         send: sends a frame; set with the stage.
+        bits: of all frames so far, with as many stuff bits as possible.
     """
 
     items: deque[Item] = field(default_factory=deque)
@@ -114,6 +117,7 @@ class Handover:
     outgoing: deque[tuple[int, bytes]] = field(default_factory=deque)
     listened_until: float = 0.0
     send: Callable[[int, bytes], object] = field(default=lambda *_: None)
+    bits: int = 0
 
     def give(self, item: Item) -> None:
         """Hand something over."""
@@ -140,7 +144,8 @@ class Handover:
         self.stop.check()
 
     def frame(self, time_ns: int, can_id: int, data: bytes) -> None:
-        """Keep a frame of the bus while somebody listens; the tap of the stage."""
+        """Count a frame of the bus, and keep it while somebody listens; the tap of the stage."""
+        self.bits += _BITS[len(data)]
         if self.listened_until and time.monotonic() < self.listened_until:
             self.frames.append((time_ns, can_id, data))
 

@@ -30,6 +30,7 @@ from stagectl.recipe import dry_run, parse_recipe
 from stagectl.run import software_version
 from stagectl.server.alarms import Alarms
 from stagectl.server.command_lease import CommandLease
+from stagectl.server.drive_signals import DriveSignals
 from stagectl.server.handover import (
     Fault,
     Handover,
@@ -46,7 +47,7 @@ from stagectl.server.notices import Notices, in_words
 from stagectl.server.run_queue import RunQueue
 from stagectl.server.running import Runner, asked_recipe
 from stagectl.server.setup import Setup
-from stagectl.server.snapshot import Sampling
+from stagectl.server.snapshot import BusLoad, Sampling
 
 Reply = Callable[[Any], None]
 """Called once with the result of a request: plain values, a message, or a `Refusal`."""
@@ -106,6 +107,7 @@ class Service:
             ask.Acknowledge: self._acknowledge,
         }  # fmt: skip
         self.sampling = Sampling()
+        self._signals, self._load = DriveSignals(), BusLoad(setup.bus.bitrate)
 
     # -- what comes from the stage --------------------------------------------------------------
 
@@ -120,6 +122,7 @@ class Service:
         before = self._runner.active
         self._runner.turn(free=self._job is None)
         self._jobs.answer()
+        self._signals.turn(self._keeper.stage)
         return changed or before is not self._runner.active
 
     def _take(self, item: Item) -> None:
@@ -165,6 +168,7 @@ class Service:
             self.turn()
             time.sleep(0.02)
         self._pool.shutdown(wait=False)
+        self._signals.close()
 
     # -- what clients see -----------------------------------------------------------------------
 
@@ -205,7 +209,7 @@ class Service:
             time=time.time(),
             doing="paused" if paused and keeper.doing == "running" else keeper.doing,
             what=keeper.what,
-            axes=() if stage is None else self.sampling.axes(stage),
+            axes=() if stage is None else self.sampling.axes(stage, self._signals),
             enabled=stage is not None and stage.enabled,
             homed=stage is not None and stage.homed,
             hold_left=keeper.hold_left,
@@ -218,6 +222,7 @@ class Service:
             late=(0 if stage is None else stage.late)
             + (0 if keeper.world is None else keeper.world.late),
             missed=0 if stage is None else stage.missed,
+            bus_load=self._load.of(self._handover.bits),
             event=self._notices.number,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,9 +12,33 @@ from drivers.drive import decode
 from drivers.stage import Stage
 from stagectl.protocol.state import AxisState
 from stagectl.protocol.wire import SampleBlock
+from stagectl.server.drive_signals import DriveSignals
 
 _TARGET, _OFFSET, _POSITION, _FORCE, _STATUS, _VALID = range(6)
 _TIME, _LATE = 0, 1
+_LOAD = 0.5
+"""The bus load is averaged over this, at least [s]."""
+
+
+class BusLoad:
+    """Share of a bus' time that its frames take.
+
+    Args:
+        bitrate: [bit/s].
+    """
+
+    def __init__(self, bitrate: float) -> None:
+        self._bitrate = bitrate
+        self._since, self._bits = time.monotonic(), 0
+        self._load: float | None = None
+
+    def of(self, bits: int) -> float | None:
+        """The load, once it is known, after this many bits of all frames."""
+        now = time.monotonic()
+        if now - self._since >= _LOAD:
+            self._load = (bits - self._bits) / ((now - self._since) * self._bitrate)
+            self._since, self._bits = now, bits
+        return self._load
 
 
 class Sampling:
@@ -49,7 +74,7 @@ class Sampling:
 
     _error = None
 
-    def axes(self, stage: Stage) -> tuple[AxisState, ...]:
+    def axes(self, stage: Stage, signals: DriveSignals) -> tuple[AxisState, ...]:
         """The axes as last sampled."""
         states = []
         enabled = stage.enabled
@@ -71,6 +96,8 @@ class Sampling:
                     status=str(decode(status)) if status is not None else "not heard",
                     statusword=status,
                     homed=axis.homed,
+                    sto=signals.safe_torque_off(axis.name),
+                    brake=signals.brake(axis.name),
                 )
             )
         return tuple(states)

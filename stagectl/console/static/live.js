@@ -13,7 +13,7 @@ export function Live() {
     <div class="live">
       <div class="column"><section class="panel"><${StageTable} /></section>
         <section class="panel slim"><${Facts} of=${[
-          ["SYNC period", `${(state.server.period * 1e3).toFixed(3)} ms`], ["Late SYNCs", state.late], ["Missed samples", state.missed],
+          ["SYNC period", `${(state.server.period * 1e3).toFixed(3)} ms`], ["Bus load", state.bus_load == null ? "–" : `${(100 * state.bus_load).toFixed(1)} %`], ["Late SYNCs", state.late], ["Missed samples", state.missed],
           ["Program", state.server.program]]} /></section>
         <${Happened} notices=${notices} /></div>
       <div class="column"><div class="cards">${axes.map((axis, k) => html`<${AxisCard} key=${axis.name} axis=${axis} number=${k} />`)}</div>
@@ -45,14 +45,11 @@ export function AxisCard({ axis, number }) {
       <div><dt>Following error</dt><dd>${nm(axis.error)}<small> nm</small></dd></div>
       <div><dt>Force</dt><dd>${newton(axis.force)}<small> N</small></dd></div>
       <div><dt>Force offset</dt><dd>${newton(axis.offset)}<small> N</small></dd></div>
-      ${axis.inputs == null ? "" : html`<div><dt>Inputs</dt><dd class="word">${inputs(axis.inputs)}</dd></div>`}
+      ${axis.brake == null ? "" : html`<div><dt>Brake</dt><dd class="word">${axis.brake ? "set" : "released"}</dd></div>`}
+      ${axis.sto == null ? "" : html`<div><dt>Safe torque off</dt><dd class=${axis.sto ? "word bad" : "word"}>${axis.sto ? "▲ active" : "not active"}</dd></div>`}
     </dl>
   </section>`;
 }
-
-// Of 0x60FD (CiA 402): limit switches, home switch, interlock.
-const INPUTS = ["negative limit", "positive limit", "home switch", "interlock"];
-const inputs = (bits) => INPUTS.filter((_, k) => bits & (1 << k)).join(", ") || "none active";
 
 const QUIET = new Set(["move_started", "waiting", "settled", "friction", "exposed", "mark_found", "segment_done"]);
 
