@@ -17,14 +17,17 @@ from tests.signals import listening
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 
 
-def start(*arguments, cwd=None, stdout=subprocess.PIPE, stderr=subprocess.PIPE):
+def start(
+    *arguments, cwd=None, stdin=None, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+):  # fmt: skip
     """Start the command; signals reach it as they reach one in a terminal."""
     path = os.pathsep.join(
         filter(None, [os.environ.get("PYTHONPATH"), str(Path(__file__).parents[1])])
     )
     return subprocess.Popen(
         [sys.executable, "-m", "stagectl", *map(str, arguments)],
-        cwd=cwd, env=os.environ | {"PYTHONPATH": path}, text=True, stdout=stdout, stderr=stderr,
+        cwd=cwd, env=os.environ | {"PYTHONPATH": path}, text=True, stdin=stdin, stdout=stdout,
+        stderr=stderr,
         preexec_fn=listening,
     )  # fmt: skip
 

@@ -85,7 +85,7 @@ def command(
     from stagectl.cli.served import stage_for
     from stagectl.history import FILE_NAME, default_history
 
-    with stage_for(stage, on.server, moves=not dry_run) as (believed, truth, client):
+    with stage_for(stage, on.server, moves=not dry_run, models=True) as (believed, truth, client):
         run = _way_to_run(client, files.resume)
         calibration = load_calibration(sites, believed)
         started = datetime.now(UTC).astimezone()

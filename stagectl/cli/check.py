@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from drivers.commissioning.conformance import Finding
+    from drivers.settings import AxisSettings
     from stagectl.measurement import Compared
 
 
@@ -65,7 +66,8 @@ def command(
     Refused while another host is on the bus. Exit code 0 if no check failed, else 1.
 
     With --move, the axis of the machine file with this node id moves by 0.1 mm: position, velocity,
-    force and force offset are compared with what was asked, and runs no longer tell of the axis.
+    force and force offset are compared with what was asked, and runs no longer list the axis as
+    unchecked. A stage server lends its bus, and boots all drives again afterwards.
     """
     if how.yes and not how.move:
         raise click.UsageError("--yes needs --move")
@@ -79,13 +81,9 @@ def command(
     if how.move:
         _check_by_move(bench, node, how.yes, json_out)
         return
-    from drivers.canopen import LISTENING
-    from drivers.commissioning.conformance import Verdict, run
+    from drivers.commissioning.conformance import Verdict
 
-    with bench.observer() as network, interruptible():
-        network.listen(LISTENING)  # refuses a bus on which a host is active
-        findings = run(network, node, power=power, homing=homing)
-        label = network.label
+    findings, label = _check(bench, node, power, homing)
     listed = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
     table = [_table(listed, node, label)] if listed else []
     counts = ", ".join(f"{sum(f.verdict is v for f in findings)} {v.value}" for v in Verdict)
@@ -98,10 +96,30 @@ def command(
         )
 
 
+def _check(bench: Bench, node: int, power: bool, homing: bool) -> tuple[list[Finding], str]:
+    """What was found, and on which bus."""
+    from drivers.canopen import LISTENING
+    from drivers.commissioning.conformance import Finding, Verdict, run
+
+    client = bench.served()
+    if client is not None:
+        from stagectl.cli.served import do
+        from stagectl.protocol.requests import Check
+
+        with client:
+            job = do(client, Check(node=node, power=power, homing=homing))
+            found = (job.result or {})["found"]
+            return [
+                Finding(**{**each, "verdict": Verdict(each["verdict"])}) for each in found
+            ], client.info.bus
+    with bench.observer() as network, interruptible():
+        network.listen(LISTENING)  # refuses a bus on which a host is active
+        return run(network, node, power=power, homing=homing), network.label
+
+
 def _check_by_move(bench: Bench, node: int, yes: bool, json_out: Path | None) -> None:
     """Compare scale and sign; keep beside the machine file of a real stage that they agree."""
-    from drivers.stage import Stage
-    from stagectl.measurement import check_scale, note_checked
+    from stagectl.measurement import note_checked
 
     chosen = next((axis for axis in bench.axes if axis.node == node), None)
     if chosen is None:
@@ -115,12 +133,7 @@ def _check_by_move(bench: Bench, node: int, yes: bool, json_out: Path | None) ->
             "its units are right, and is pushed by a third of its friction. Go ahead?",
             abort=True, err=True,
         )  # fmt: skip
-    with bench.on_bus() as settings, Stage.open(settings, (chosen,)) as stage, interruptible():
-        stage.boot()
-        for notice in (*stage.limitations, *stage.notices):
-            click.echo(notice, err=True)
-        compared = check_scale(stage, stage.axes[0], bench.machine)
-        stage.disable()
+    compared, simulated = _compare(bench, chosen)
     show_result([asdict(c) for c in compared], json_out, _comparison(compared, chosen.name))
     wrong = [c.what for c in compared if c.agrees is False]
     if wrong:
@@ -128,9 +141,32 @@ def _check_by_move(bench: Bench, node: int, yes: bool, json_out: Path | None) ->
             f"axis {chosen.name}: {'; '.join(wrong)}: not what was asked for; correct the units in "
             "the machine file or the drive's set-up before anything else moves it"
         )
-    if not bench.simulated:
+    if not simulated:
         kept = note_checked(bench.machine, chosen.name, datetime.now(UTC))
         click.echo("no file to note it beside" if kept is None else f"noted in {kept}", err=True)
+
+
+def _compare(bench: Bench, axis: AxisSettings) -> tuple[list[Compared], bool]:
+    """What the move shows, and whether the drive is a virtual one."""
+    from drivers.stage import Stage
+    from stagectl.measurement import Compared, check_scale
+
+    client = bench.served()
+    if client is not None:
+        from stagectl.cli.served import do
+        from stagectl.protocol.requests import Check
+
+        with client:
+            job = do(client, Check(node=axis.node, move=True))
+            found = (job.result or {})["found"]
+            return [Compared(**each) for each in found], client.info.simulated
+    with bench.on_bus() as settings, Stage.open(settings, (axis,)) as stage, interruptible():
+        stage.boot()
+        for notice in (*stage.limitations, *stage.notices):
+            click.echo(notice, err=True)
+        compared = check_scale(stage, stage.axes[0], bench.machine)
+        stage.disable()
+    return compared, bench.simulated
 
 
 def _comparison(compared: list[Compared], axis: str) -> Table:

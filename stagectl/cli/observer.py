@@ -22,12 +22,13 @@ from stagectl.cli.options import (
     write_json,
 )
 from stagectl.cli.signals import interruptible
-from stagectl.cli.stage_options import StageOptions
+from stagectl.cli.stage_options import ServerOption, StageOptions
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from estimation.observer import Design
+    from stagectl.client import Client
     from stagectl.config import Machine
     from stagectl.measurement import AxisFindings, Measurement
 
@@ -64,10 +65,12 @@ class _DesignOptions:
 @takes(StageOptions)
 @takes(_MeasureOptions)
 @takes(_DesignOptions)
+@takes(ServerOption)
 @JSON_OUT
 def command(
-    stage: StageOptions, how: _MeasureOptions, design: _DesignOptions, json_out: Path | None
-) -> None:
+    stage: StageOptions, how: _MeasureOptions, design: _DesignOptions, on: ServerOption,
+    json_out: Path | None,
+) -> None:  # fmt: skip
     """Measure how the axes respond, design their settling observers, and print the margins.
 
     Between two SYNCs the observer estimates, from the position, the force that the axis lacks, and
@@ -85,20 +88,21 @@ def command(
     change of gains, SYNC period or drive. `observer: trust` in the machine file has an axis'
     observer designed from the file, unmeasured; `observer: none` has it off.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
+    from stagectl.cli.served import stage_for
     from stagectl.measurement import load_measurement, response_path
 
     if how.measure and design.measurement is not None:
         raise click.UsageError("--measurement is for a design without --measure")
     asks = how.out is not None or how.yes or stage.simulate is not None or stage.bus is not None
-    if asks and not how.measure:
-        raise click.UsageError("--out, --yes, --simulate and --bus need --measure")
-    machine, truth = stage.load(moves=how.measure)
+    if (asks or on.server is not None) and not how.measure:
+        raise click.UsageError("--out, --yes, --simulate, --bus and --server need --measure")
     used: Measurement | None = None
-    if how.measure:
-        used = _measured(machine, truth, stage, how)
-    elif design.measurement is not None:
+    with stage_for(stage, on.server, moves=how.measure) as (machine, truth, client):
+        if how.measure:
+            used = _measured(machine, truth, client, stage, how)
+    if design.measurement is not None:
         used = load_measurement(design.measurement)
-    else:
+    elif used is None:
         beside = response_path(machine, stage.machine)
         used = load_measurement(beside) if beside.exists() else None
     if design.html is not None and used is None:
@@ -107,8 +111,9 @@ def command(
 
 
 def _measured(
-    machine: Machine, truth: Machine | None, stage: StageOptions, how: _MeasureOptions
-) -> Measurement:
+    machine: Machine, truth: Machine | None, client: Client | None, stage: StageOptions,
+    how: _MeasureOptions,
+) -> Measurement:  # fmt: skip
     """A new measurement, written to its file."""
     from stagectl.measurement import parse_measurement, response_path
 
@@ -116,7 +121,10 @@ def _measured(
     if where is None and truth is None:
         where = response_path(machine, stage.machine)
         check_output(where, JSON)
-    text = _measure(machine, truth, stage, how.yes).as_text()
+    if client is not None:
+        text = _measure_on_server(client, how.yes)
+    else:
+        text = _measure(machine, truth, stage, how.yes).as_text()
     used = parse_measurement(text, "the measurement")  # as a run will read it
     if where is not None:
         from stagectl.store import write_atomically
@@ -134,16 +142,6 @@ def _measure(
     if truth is not None:
         return measure_simulated(machine, truth, stage.seed)
 
-    from stagectl.cli.served import require_no_server
-
-    require_no_server(machine, stage.bus)
-
-    def agreed(lines: list[str]) -> bool:
-        click.echo("The measurement shakes and slides the axes:", err=True)
-        for line in lines:
-            click.echo(f"  {line}", err=True)
-        return yes or click.confirm("Is the stage free to move?", err=True)
-
     from rich.progress import Progress
 
     bar = Progress(console=make_console(stderr=True))
@@ -156,9 +154,32 @@ def _measure(
     now = datetime.now(UTC).astimezone()
     try:
         with interruptible() as stopped:
-            return measure_on_bus(machine, stage.bus, agreed, now, stopped, progress)
+            return measure_on_bus(
+                machine, stage.bus, lambda lines: _agreed(lines, yes), now, stopped, progress
+            )
     finally:
         bar.stop()
+
+
+def _measure_on_server(client: Client, yes: bool) -> str:
+    """A measurement of the stage that a server holds, as text."""
+    from stagectl.cli.served import do
+    from stagectl.errors import Aborted
+    from stagectl.protocol.requests import Measure
+
+    planned = do(client, Measure()).result or {}
+    if not _agreed(planned["does"], yes):
+        raise Aborted("not measured")
+    click.echo("measuring", err=True)
+    measured = do(client, Measure(agreed=True)).result or {}
+    return str(measured["measurement"])
+
+
+def _agreed(lines: list[str], yes: bool) -> bool:
+    click.echo("The measurement shakes and slides the axes:", err=True)
+    for line in lines:
+        click.echo(f"  {line}", err=True)
+    return yes or click.confirm("Is the stage free to move?", err=True)
 
 
 def _show(

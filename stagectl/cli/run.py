@@ -130,6 +130,8 @@ def command(
       stagectl run recipes/inspection-20.yaml --simulate --friction-scale 0.5
     On a real stage:
       stagectl run RECIPE.yaml --machine M.yaml --bus socketcan:can0
+    With a twin's model, on a stage server of the machine file it was made from:
+      stagectl run RECIPE.yaml --machine TWIN.yaml --server socketcan-can0
     Continue after a fault, Ctrl-C or a power cut:
       stagectl run RECIPE.yaml --resume runs/RECIPE-20260101-120000
 
@@ -145,7 +147,7 @@ def command(
         )
     from stagectl.cli.served import stage_for
 
-    with stage_for(stage, on.server, moves=not dry_run) as (believed, truth, client):
+    with stage_for(stage, on.server, moves=not dry_run, models=True) as (believed, truth, client):
         request = _request(stage, how, by, recipe, believed, truth)
         if client is not None:
             _run_on_server(client, request, how, json_out)

@@ -27,13 +27,16 @@ _LOOK = 0.2
 """Between two looks at a run under way [s]."""
 
 
-def server_for(machine: Machine, bus: tuple[str, str] | None, named: str | None) -> Client | None:
+def server_for(
+    machine: Machine, bus: tuple[str, str] | None, named: str | None, models: bool = False
+) -> Client | None:
     """The server that owns the stage: the one named, or that of the machine's bus.
 
     Args:
         machine: the command's machine file.
         bus: of the command, in place of the machine's.
         named: by --server.
+        models: whether the server may have another machine file, since it is sent this one.
 
     Raises:
         NoServer: the one named does not run.
@@ -43,7 +46,7 @@ def server_for(machine: Machine, bus: tuple[str, str] | None, named: str | None)
 
     if named is not None:
         client = Client(named)
-        if not _serves(client, machine):
+        if not (models or _serves(client, machine)):
             other = client.info.machine_file
             client.close()
             raise UnusableInput(f"server {named!r} serves {other}, not {machine.source}")
@@ -52,7 +55,7 @@ def server_for(machine: Machine, bus: tuple[str, str] | None, named: str | None)
     if where is None:
         return None
     client = Client(where)
-    if _serves(client, machine):
+    if models or _serves(client, machine):
         click.echo(f"by the stage server '{where.name}'", err=True)
         return client
     click.echo(
@@ -65,7 +68,7 @@ def server_for(machine: Machine, bus: tuple[str, str] | None, named: str | None)
 
 @contextmanager
 def stage_for(
-    stage: StageOptions, server: str | None, moves: bool = True
+    stage: StageOptions, server: str | None, moves: bool = True, models: bool = False
 ) -> Iterator[tuple[Machine, Machine | None, Client | None]]:
     """The machine files of a command, and the stage server that it uses, if any.
 
@@ -73,6 +76,7 @@ def stage_for(
         stage: options of the command.
         server: by --server.
         moves: whether the stage is to move.
+        models: as of `server_for`.
 
     Yields:
         The host's machine; the simulated stage's, or None; the client of the server, or None.
@@ -86,7 +90,7 @@ def stage_for(
     believed, truth = stage.load(moves and server is None)
     client = None
     if moves and stage.simulate is None:
-        client = server_for(believed, stage.bus, server)
+        client = server_for(believed, stage.bus, server, models)
     if client is None:
         yield believed, truth, None
         return
@@ -168,9 +172,12 @@ def run_on(
     Raises:
         StagectlError: the server refuses it, or ends.
     """
-    from stagectl.protocol.requests import Abort, QueueAdd, RunOptions
+    from stagectl.protocol.requests import Abort, MachineFile, QueueAdd, RunOptions
 
-    host = request.host
+    host, machine = request.host, None
+    if not _serves(client, request.machine):
+        source = str(Path(request.machine.source).absolute())
+        machine = MachineFile(text=request.machine.text, source=source)
     asked = QueueAdd(
         recipe=request.recipe.text,
         source=str(Path(request.recipe.source).absolute()),
@@ -184,6 +191,7 @@ def run_on(
             observer=host.observer, use_map=host.use_map, retries=request.retries,
             history=_anywhere(request.history),
         ),
+        machine=machine,
         start=True,
     )  # fmt: skip
     reasons: list[str] = []

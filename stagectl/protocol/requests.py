@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from stagectl.protocol.message import Finite, Index, Message, Name, Text
 
 MOST_RECIPE = 1_000_000
-"""Characters of a recipe."""
+"""Characters of a recipe, or of a machine file."""
 
 
 class Info(Message):
@@ -100,6 +100,31 @@ class Jog(Message):
     velocity: Finite
 
 
+class Measure(Message):
+    """Home the stage and measure how its axes respond: they shake and slide. Answer: a job.
+
+    Its result is `{"does": lines}`, what each axis will do, unless `agreed`; then
+    `{"measurement": text of a response file}`.
+    """
+
+    op: Literal["measure"] = "measure"
+    agreed: bool = False
+
+
+class Check(Message):
+    """Test a drive as `stagectl check` does, with `move` by a move of 0.1 mm. Answer: a job.
+
+    All axes lose their power, and all drives are booted again afterwards. Its result is
+    `{"found": list of findings}`.
+    """
+
+    op: Literal["check"] = "check"
+    node: Annotated[int, Field(ge=1, le=126)]
+    power: bool = True
+    homing: bool = False
+    move: bool = False
+
+
 class Stop(Message):
     """Quick-stop all axes and switch their power off, whatever is under way, whoever commands."""
 
@@ -126,6 +151,13 @@ class RunOptions(Message):
     history: Text | None = None
 
 
+class MachineFile(Message):
+    """A machine file: its text, and its path for messages and for files that it names."""
+
+    text: Annotated[str, Field(max_length=MOST_RECIPE)]
+    source: Text
+
+
 class QueueAdd(Message):
     """Put a recipe at the end of the queue, checked first. Answer: `{"id": number}`.
 
@@ -135,6 +167,8 @@ class QueueAdd(Message):
         folder: for its files; None: RECIPE-TIME in the server's data folder.
         resume: folder of the interrupted run to continue.
         places: `recipe` is a calibration file, and friction is measured at these places [m].
+        machine: what the run believes of the stage in place of the server's machine file, such as
+            a twin; bus and drives are the same.
         start: begin with the queue at once, if it is not stopped by an earlier failure.
     """
 
@@ -147,6 +181,7 @@ class QueueAdd(Message):
     resume: Text | None = None
     places: Annotated[tuple[tuple[Finite, Finite], ...], Field(max_length=10_000)] | None = None
     options: RunOptions = RunOptions()
+    machine: MachineFile | None = None
     start: bool = False
 
 
@@ -251,8 +286,9 @@ class Acknowledge(Message):
 
 Command = Annotated[
     Info | GetState | GetEvents | Take | Release | Enable | Disable | Home | Move | Jog | Stop
-    | Wait | QueueAdd | QueueRemove | QueueReorder | QueueStart | QueueHalt | Pause | Resume | Abort
-    | CheckRecipe | ReadObject | WriteObject | Listen | SendFrame | Acknowledge,
+    | Measure | Check | Wait | QueueAdd | QueueRemove | QueueReorder | QueueStart | QueueHalt
+    | Pause | Resume | Abort | CheckRecipe | ReadObject | WriteObject | Listen | SendFrame
+    | Acknowledge,
     Field(discriminator="op"),
 ]  # fmt: skip
 

@@ -139,6 +139,7 @@ class QueueEntry(Message):
     Attributes:
         status: `waiting`, `running`, `finishing` (files are made), `done`, or `interrupted` (the
             server ended meanwhile).
+        machine: path of the machine file that it believes, where that is not the server's.
         outcome: of its run: completed, aborted, fault; None before its end.
         reason: why it ended early, or None.
         verdict: on the wafer, where the recipe has limits.
@@ -156,6 +157,7 @@ class QueueEntry(Message):
     outcome: str | None = None
     reason: str | None = None
     verdict: str | None = None
+    machine: str | None = None
     added: float
 
 

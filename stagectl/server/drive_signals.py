@@ -17,9 +17,14 @@ _Read = dict[str, tuple[int | None, int | None]]
 
 
 class DriveSignals:
-    """What the drives last said of their digital inputs (0x60FD) and outputs (0x60FE)."""
+    """What the drives last said of their digital inputs (0x60FD) and outputs (0x60FE).
 
-    def __init__(self) -> None:
+    Args:
+        period: between two readings [s].
+    """
+
+    def __init__(self, period: float = _PERIOD) -> None:
+        self._period = period
         self._pool = ThreadPoolExecutor(1, "signals")
         self._reading: Future[_Read] | None = None
         self._due = 0.0
@@ -34,7 +39,7 @@ class DriveSignals:
         if stage is None:
             self._read = {}
         elif self._reading is None and now >= self._due:
-            self._due = now + _PERIOD
+            self._due = now + self._period
             self._reading = self._pool.submit(self._ask, stage.axes)
 
     def safe_torque_off(self, axis: str) -> bool | None:

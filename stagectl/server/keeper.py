@@ -44,12 +44,15 @@ class Work:
         doing: what the stage does meanwhile.
         what: the same in words.
         run: does it; what it returns is the job's result.
+        alone: does it instead on the bus, where the stage must not be open; it is booted again
+            afterwards.
     """
 
     job: int
     doing: Doing
     what: str
-    run: Callable[[Stage], object]
+    run: Callable[[Stage], object] | None
+    alone: Callable[[BusSettings], object] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,8 @@ class StageKeeper(threading.Thread):
         self._ending = threading.Event()
         self._idle_since = time.monotonic()
         self._faulted = False
+        self._alone: Work | None = None
+        self._ended: JobEnded | None = None
         self.stage: Stage | None = None
         self.world: PacedWorld | None = None
         self.doing: Doing = "starting"
@@ -113,6 +118,8 @@ class StageKeeper(threading.Thread):
     def end(self) -> None:
         """Disable the axes, close the bus and end the thread."""
         self._ending.set()
+        if self.stage is None:
+            self._handover.stop.press("the server ends")  # what has the bus alone
 
     @property
     def hold_left(self) -> float | None:
@@ -126,19 +133,11 @@ class StageKeeper(threading.Thread):
     def run(self) -> None:
         """Keep the stage until `end`."""
         try:
-            with drivers_failures(), self._on_bus() as bus, Stage.open(bus, self._axes) as stage:
-                stage.sink = self._handover.sample
-                stage.interrupt, stage.tap = self._handover.look, self._handover.frame
-                self._handover.send = stage.send_frame
-                self.doing, self.what = "booting", "booting the drives"
-                stage.boot()
-                for text in (*stage.limitations, *stage.notices):
-                    self._handover.give(Said(text))
-                self.stage = stage
-                self._rest(stage)
-                self.ready.set()
+            with drivers_failures(), self._on_bus() as bus:
                 while not self._ending.is_set():
-                    self._turn(stage)
+                    self._keep(bus)
+                    if self._alone is not None:
+                        self._do_alone(self._alone, bus)
         except StagectlError as error:
             self.failure = error
         except BaseException as error:  # noqa: BLE001  shown, whatever it is
@@ -148,6 +147,41 @@ class StageKeeper(threading.Thread):
             self.stage = None
             self.doing, self.what = "off", "the stage is switched off"
             self.ready.set()
+
+    def _keep(self, bus: BusSettings) -> None:
+        """Keep the stage until the end, or until something needs the bus alone."""
+        with Stage.open(bus, self._axes) as stage:
+            stage.sink = self._handover.sample
+            stage.tap, self._handover.send = self._handover.frame, stage.send_frame
+            self.doing, self.what = "booting", "booting the drives"
+            stage.boot()
+            stage.interrupt, self._faulted = self._handover.look, False
+            for text in (*stage.limitations, *stage.notices):
+                self._handover.give(Said(text))
+            self.stage = stage
+            self._rest(stage)
+            self.ready.set()
+            if self._ended is not None:
+                self._handover.give(self._ended)
+                self._ended = None
+            while not self._ending.is_set() and self._alone is None:
+                self._turn(stage)
+            self.stage = None
+
+    def _do_alone(self, work: Work, bus: BusSettings) -> None:
+        """What needs the bus alone; then the stage is to be booted again."""
+        assert work.alone is not None  # noqa: S101  see `_turn`
+        self._alone, result, error = None, None, None
+        try:
+            with drivers_failures():
+                result = work.alone(bus)
+        except BaseException as why:  # noqa: BLE001  becomes the job's
+            error = why
+            if not isinstance(why, StagectlError):
+                traceback.print_exc(file=sys.stderr)
+        self._handover.stop.was_heeded()
+        self._idle_since = time.monotonic()
+        self._ended = JobEnded(work.job, result, error)
 
     @contextmanager
     def _on_bus(self) -> Iterator[BusSettings]:
@@ -172,6 +206,9 @@ class StageKeeper(threading.Thread):
             self._idle(stage)
             return
         self.doing, self.what = work.doing, work.what
+        if work.run is None:
+            self._alone = work
+            return
         error: BaseException | None = None
         result = None
         try:

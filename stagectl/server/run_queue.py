@@ -62,6 +62,7 @@ class RunQueue:
             id=self._number, recipe=recipe, source=request.source, lot=lot, wafer=wafer,
             operator=request.operator, comment=request.comment, status="waiting",
             folder=request.folder, added=time.time(),
+            machine=None if request.machine is None else request.machine.source,
         )  # fmt: skip
         self._stored.append(Stored(entry=entry, request=request))
         self._write()

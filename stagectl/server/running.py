@@ -50,6 +50,7 @@ from stagectl.sequencer import (
     SegmentDone,
     Waiting,
 )
+from stagectl.server.believed import setup_for
 from stagectl.server.handover import Handover
 from stagectl.server.run_queue import RunQueue, Stored
 from stagectl.server.setup import Setup
@@ -267,8 +268,9 @@ class Runner:
     def _make_session(self, active: Active) -> None:
         asked, announce = active.stored.request, self.handover.phase
         try:
-            recipe = asked_recipe(asked, self.setup.machine)
-            request = run_request(self.setup, asked, recipe, active.folder)
+            setup = setup_for(self.setup, asked)
+            recipe = asked_recipe(asked, setup.machine)
+            request = run_request(setup, asked, recipe, active.folder)
             if request.host.observer:
                 resume = None if asked.resume is None else Path(asked.resume)
                 found = find_measurement(request, None, self.setup.machine_file, resume, announce)

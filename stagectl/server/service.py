@@ -14,6 +14,7 @@ from typing import Any
 
 from drivers.errors import DriverError
 from drivers.objects import ObjectRef
+from drivers.settings import BusSettings
 from stagectl.errors import ConfigError, StagectlError
 from stagectl.protocol import requests as ask
 from stagectl.protocol.message import VERSION, Message
@@ -29,7 +30,9 @@ from stagectl.protocol.state import (
 from stagectl.recipe import dry_run, parse_recipe
 from stagectl.run import software_version
 from stagectl.server.alarms import Alarms
+from stagectl.server.believed import setup_for
 from stagectl.server.command_lease import CommandLease
+from stagectl.server.commissioning import check_drive, check_move, measure
 from stagectl.server.drive_signals import DriveSignals
 from stagectl.server.handover import (
     Fault,
@@ -97,7 +100,8 @@ class Service:
             ask.Info: self._info, ask.GetState: self._state, ask.GetEvents: self._events,
             ask.Take: self._take_lease, ask.Release: self._release, ask.Stop: self._stop,
             ask.Wait: self._wait, ask.Enable: self._enable, ask.Disable: self._disable,
-            ask.Home: self._home, ask.Move: self._move, ask.Jog: self._jog_axis,
+            ask.Home: self._home, ask.Measure: self._measure, ask.Check: self._check,
+            ask.Move: self._move, ask.Jog: self._jog_axis,
             ask.CheckRecipe: self._check_recipe, ask.QueueAdd: self._queue_add,
             ask.QueueRemove: self._queue_remove, ask.QueueReorder: self._queue_reorder,
             ask.QueueStart: self._queue_start, ask.QueueHalt: self._queue_halt,
@@ -155,9 +159,12 @@ class Service:
     def _begin_run(self, what: str, run: Callable[..., object]) -> None:
         self._run_job = self._begin("running", what, run).id
 
-    def _begin(self, doing: Doing, what: str, run: Callable[..., object]) -> Job:
+    def _begin(
+        self, doing: Doing, what: str, run: Callable[..., object] | None = None,
+        alone: Callable[[BusSettings], object] | None = None,
+    ) -> Job:  # fmt: skip
         job = self._job = self._jobs.begin(what)
-        self._keeper.submit(Work(job.id, doing, what, run))
+        self._keeper.submit(Work(job.id, doing, what, run, alone))
         return job
 
     def end(self) -> None:
@@ -303,6 +310,33 @@ class Service:
             lambda stage: self._motions.home(stage, command.force, command.reset),
         )  # fmt: skip
 
+    def _measure(self, command: ask.Measure, *_: object) -> Job:
+        self._require_free()
+        machine, simulated = self._setup.machine, self._setup.simulated is not None
+        return self._begin(
+            "moving", "measuring the axes",
+            lambda stage: measure(stage, machine, simulated, command.agreed),
+        )  # fmt: skip
+
+    def _check(self, command: ask.Check, *_: object) -> Job:
+        setup, handover = self._setup, self._handover
+        axis = next((each for each in setup.axes if each.node == command.node), None)
+        if command.move and axis is None:
+            raise RefusedError("unknown", f"no axis has node id {command.node}")
+        self._require_free()
+        if command.move and axis is not None:
+            moved = axis
+            return self._begin(
+                "moving", f"checking axis {axis.name} by a move",
+                alone=lambda bus: check_move(bus, handover, moved, setup.machine),
+            )  # fmt: skip
+        return self._begin(
+            "moving", f"checking node {command.node}",
+            alone=lambda bus: check_drive(
+                bus, handover, command.node, command.power, command.homing
+            ),
+        )  # fmt: skip
+
     def _move(self, command: ask.Move, *_: object) -> Job:
         axis = self._axis(command.axis)
         velocity = checked_velocity(command.velocity, axis.velocity, axis.name)
@@ -339,7 +373,7 @@ class Service:
         return LATER
 
     def _queue_add(self, command: ask.QueueAdd, *_: object) -> dict[str, int]:
-        recipe = asked_recipe(command, self._setup.machine)
+        recipe = asked_recipe(command, setup_for(self._setup, command).machine)
         if command.options.compensation == "oracle" and self._setup.simulated is None:
             raise RefusedError("input", "oracle: a real stage's friction is unknown")
         entry = self.queue.add(command, recipe.name, recipe.lot, recipe.wafer)

@@ -3,6 +3,7 @@
 import itertools
 import json
 import signal
+import subprocess
 import threading
 import time
 from contextlib import contextmanager
@@ -313,6 +314,66 @@ def test_drives_are_looked_at_through_the_server(client, server):
         client.ask(write)
     client.ask(ask.SendFrame(can_id=0x601, data=b"\x40\x41\x60\x00\x00\x00\x00\x00"))
     client.wait(job)
+
+
+def test_axes_are_measured_on_the_server_after_a_question(client, server, tmp_path):
+    words = ("observer", "--measure", "--server", server, "--out", tmp_path / "r.json")
+    refused = start(*words, stdin=subprocess.PIPE)
+    _, errors = refused.communicate("n\n", timeout=60)
+    assert refused.returncode == 130, errors
+    assert "slides" in errors
+    measured = start(*words, "--yes", "--json", "-")
+    out, errors = measured.communicate(timeout=120)
+    assert measured.returncode == 0, errors
+    assert all(
+        axis["on"] and not axis["contradictions"] for axis in json.loads(out)["axes"].values()
+    )
+    assert (tmp_path / "r.json").is_file()
+    assert client.state().enabled, "held afterwards"
+
+
+def test_a_drive_is_checked_on_the_server_which_boots_it_again(client, server):
+    client.do(ask.Home())
+    checked = start("check", "2", "--server", server, "--json", "-")
+    out, errors = checked.communicate(timeout=120)
+    assert checked.returncode == 0, errors
+    found = json.loads(out)
+    assert {each["verdict"] for each in found} <= {"pass", "differs", "not offered"}
+    assert any(each["group"] == "power" or "enable" in each["check"] for each in found)
+    assert not client.state().enabled
+    moved = start("check", "1", "--move", "--yes", "--server", server)
+    out, errors = moved.communicate(timeout=120)
+    assert moved.returncode == 0, errors
+    assert "agrees" in out
+    job = client.begin(ask.Check(node=2))
+    until(client, lambda s: s.what == "checking node 2")
+    client.stop("enough")
+    with pytest.raises(JobFailed, match="stopped by anna: enough"):
+        client.wait(job)
+    client.do(ask.Home())
+    assert client.state().enabled
+
+
+def test_a_run_may_believe_another_model_but_not_other_drives(client, server, tmp_path):
+    text = load_machine().text
+    model = yaml.safe_load(text)
+    model["axes"]["x"]["plant"]["mass"] *= 1.05
+    (tmp_path / "twin.yaml").write_text(yaml.safe_dump(model, sort_keys=False))
+    model["axes"]["x"]["limits"]["velocity"] /= 2
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(model, sort_keys=False))
+    (tmp_path / "r.yaml").write_text(RECIPE)
+    run = ("run", tmp_path / "r.yaml", "--server", server, "--history", "none")
+    done = start(*run, "--machine", tmp_path / "twin.yaml", "--out", tmp_path / "with")
+    _, errors = done.communicate(timeout=120)
+    assert done.returncode == 0, errors
+    recorded = read_recording(tmp_path / "with" / "recording.h5")
+    assert recorded.machine == (tmp_path / "twin.yaml").read_text()
+    assert client.state().queue[-1].machine == str(tmp_path / "twin.yaml")
+    refused = start(*run, "--machine", tmp_path / "other.yaml", "--out", tmp_path / "other")
+    _, errors = refused.communicate(timeout=60)
+    assert refused.returncode == 2
+    assert "axis x: velocity" in errors
+    assert "start a server with this file" in errors
 
 
 def test_a_calibration_is_run_by_the_server(server, tmp_path):

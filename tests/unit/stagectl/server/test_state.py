@@ -39,28 +39,26 @@ class Drive:
         return answer
 
 
-def read(signals, *drives):
-    """Have the drives, on axes 0, 1, ..., read once."""
+def read(signals, drives, known):
+    """Have the drives, on axes 0, 1, ..., read until this is known."""
     stage = SimpleNamespace(
         axes=tuple(SimpleNamespace(name=str(k), node=drive) for k, drive in enumerate(drives))
     )
-    signals._due = 0.0
-    signals.turn(stage)
     deadline = time.monotonic() + 10
-    while signals._reading is not None and time.monotonic() < deadline:
+    while not known() and time.monotonic() < deadline:
         signals.turn(stage)
         time.sleep(0.01)
 
 
 def test_sto_and_brake_are_what_each_drive_reports_and_no_more():
-    signals = DriveSignals()
+    signals = DriveSignals(period=0.0)
     silent = Drive(o60fd=NodeError("silent"), o60fe=NodeError("silent"))
     drives = [Drive(o60fd=1 << 3, o60fe=1), Drive(o60fd=3, o60fe=2), Drive(), silent]
-    read(signals, *drives)
+    read(signals, drives, lambda: signals.brake("1") is False)
     assert [signals.safe_torque_off(str(k)) for k in range(4)] == [True, False, None, None]
     assert [signals.brake(str(k)) for k in range(4)] == [True, False, None, None]
     silent.answers = {"o60fd": 0, "o60fe": 0}
-    read(signals, *drives)
+    read(signals, drives, lambda: signals.safe_torque_off("3") is not None)
     assert signals.safe_torque_off("3") is False, "asked again, since it was only silent"
     assert drives[2].asked == [0x60FD, 0x60FE], "not asked again for what it does not have"
     signals.turn(None)
