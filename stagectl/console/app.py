@@ -79,6 +79,7 @@ def make_app(console: Context) -> Gate:
             get("/api/recipes", records.recipes),
             get("/api/recipes/{name}", records.recipe),
             get("/api/runs", records.runs),
+            post("/api/runs/compare", records.compare),
             get("/api/gaps", records.gaps),
             post("/api/gaps/start", records.diagnose),
             post("/api/gaps/cancel", records.cancel),
@@ -130,7 +131,12 @@ async def _serve_page(console: Context, websocket: WebSocket) -> None:
     console.sessions += 1
     try:
         await Session(
-            websocket, console.link, websocket.scope["operator"], console.recipes, console.parts
+            websocket,
+            console.link,
+            websocket.scope["operator"],
+            console.recipes,
+            lambda diagnosis: console.archive.twin(diagnosis),
+            console.parts,
         ).run()
     finally:
         console.sessions -= 1

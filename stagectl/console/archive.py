@@ -17,8 +17,10 @@ from starlette.types import Receive, Scope, Send
 from stagectl.console.folder import NoSuchFile, is_name, open_inside
 from stagectl.console.reports import report_policy
 from stagectl.errors import UnusableInput
+from stagectl.protocol.requests import MOST_RECIPE, MachineFile
 
 GAPS, MAPS = "gaps", "maps"
+TWIN, RECORDING = "twin.yaml", "recording.h5"
 _BLOCK = 1 << 18
 _KINDS = {
     ".html": "text/html; charset=utf-8", ".json": "application/json", ".h5": "application/x-hdf5",
@@ -64,7 +66,7 @@ class Archive:
             if run.folder.is_symlink() or not is_name(run.folder.name):
                 continue
             pages = sorted(path.name for path in run.folder.glob("*.html"))
-            has_recording = (run.folder / "recording.h5").is_file()
+            has_recording = (run.folder / RECORDING).is_file()
             listed.append(
                 {
                     **asdict(run),
@@ -93,14 +95,38 @@ class Archive:
             NoSuchFile: a run has no recording here.
         """
         for run in runs:
-            open_inside(self._folder, run, "recording.h5").close()
-        recordings = [str(self._folder / run / "recording.h5") for run in runs]
+            open_inside(self._folder, run, RECORDING).close()
+        recordings = [str(self._folder / run / RECORDING) for run in runs]
         folder = self._made(GAPS) / f"{runs[0]}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
         folder.mkdir()
         return folder, [
             "gap", "diagnose", *recordings, "--jobs", "1", "--html", str(folder / "report.html"),
-            "--json", str(folder / "diagnosis.json"), "--twin", str(folder / "twin.yaml"),
+            "--json", str(folder / "diagnosis.json"), "--twin", str(folder / TWIN),
         ]  # fmt: skip
+
+    def twin(self, diagnosis: str) -> MachineFile:
+        """The machine file that a diagnosis has written.
+
+        Raises:
+            NoSuchFile: it has written none.
+        """
+        with open_inside(self._folder, GAPS, diagnosis, TWIN) as file:
+            data = file.read(MOST_RECIPE + 1)
+        if len(data) > MOST_RECIPE:
+            raise NoSuchFile(f"{diagnosis}: its twin is larger than a machine file can be")
+        source = (self._folder / GAPS / diagnosis / TWIN).absolute()
+        return MachineFile(text=data.decode("utf-8"), source=str(source))
+
+    def compare_command(self, before: str, after: str) -> list[str]:
+        """`stagectl gap compare` of two runs.
+
+        Raises:
+            NoSuchFile: one has no recording here.
+        """
+        for run in (before, after):
+            open_inside(self._folder, run, RECORDING).close()
+        recordings = [str(self._folder / run / RECORDING) for run in (before, after)]
+        return ["gap", "compare", *recordings, "--json", "-"]
 
     def map_page(self) -> Path:
         """Where the page of a map is written."""

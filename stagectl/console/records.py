@@ -21,6 +21,11 @@ class _Diagnose(Message):
     runs: Names
 
 
+class _Compare(Message):
+    before: Name
+    after: Name
+
+
 class _Calibrate(Message):
     sites: Name
     due: bool
@@ -45,6 +50,13 @@ async def recipe(console: Context, request: Request) -> Response:
 async def runs(console: Context, request: Request) -> Response:
     """All runs."""
     return JSONResponse(await run_in_threadpool(console.archive.runs))
+
+
+async def compare(console: Context, request: Request) -> Response:
+    """How much closer the machine file of a run is than that of an earlier one."""
+    asked = await read_body(request, _Compare)
+    command = await run_in_threadpool(console.archive.compare_command, asked.before, asked.after)
+    return Response(await console.jobs.ask(command), media_type="application/json")
 
 
 async def gaps(console: Context, request: Request) -> Response:

@@ -76,15 +76,16 @@ class Session:
         link: to the server.
         operator: name of who sits there.
         recipes: of which a page may send the texts.
+        twin: the machine file that a diagnosis has written, by the diagnosis' name.
         more: further parts of the state, by name, asked for at every frame.
     """
 
     def __init__(
         self, socket: WebSocket, link: StageLink, operator: str, recipes: Recipes,
-        more: Callable[[], dict[str, Any]],
+        twin: Callable[[str], requests.MachineFile], more: Callable[[], dict[str, Any]],
     ) -> None:  # fmt: skip
         self._socket, self._link, self._more = socket, link, more
-        self._operator, self._recipes = operator, recipes
+        self._operator, self._recipes, self._twin = operator, recipes, twin
         self._name = f"{operator} (console {next(_numbers)})"[-64:]
         self._client: AsyncClient | None = None
         self._generation, self._taken = -1, 0.0
@@ -226,14 +227,19 @@ class Session:
         return await self._client.ask(command, 30.0)
 
     def _placed(self, command: _WithRecipe) -> _WithRecipe:
-        """With the true path of the recipe that it names, and no other path."""
+        """With the true path of the recipe and of the twin that it names, and no other path."""
         if isinstance(command, requests.QueueAdd) and (
             command.folder or command.resume or command.options.history
         ):
             raise UnusableInput("folder, resume and history: not from the console")
         source = self._recipes.path(command.source)
         refuse_files_elsewhere(command.recipe, source)
-        return command.model_copy(update={"source": str(source)})
+        placed: dict[str, Any] = {"source": str(source)}
+        if isinstance(command, requests.QueueAdd) and command.machine is not None:
+            if command.machine.text:  # it could name code to be run
+                raise UnusableInput("machine: by the name of its diagnosis only")
+            placed["machine"] = self._twin(command.machine.source)
+        return command.model_copy(update=placed)
 
     async def _take(self, force: bool) -> None:
         if self._client is not None:

@@ -25,18 +25,19 @@ def setup_for(setup: Setup, asked: QueueAdd) -> Setup:
     if asked.machine is None:
         return setup
     machine = parse_machine(asked.machine.text, asked.machine.source)
+    name = machine.source
+    if setup.machine_file is not None:  # files that it names are where the server's are
+        machine = parse_machine(asked.machine.text, setup.machine.source)
     bus, axes = driver_settings(machine, setup.named_bus)
     names, here = [axis.name for axis in axes], [axis.name for axis in setup.axes]
     if names != here:
-        raise UnusableInput(
-            f"{machine.source}: axes {', '.join(names)}; the server has {', '.join(here)}"
-        )
+        raise UnusableInput(f"{name}: axes {', '.join(names)}; the server has {', '.join(here)}")
     differing = [*_differences("bus", bus, setup.bus)]
     for asks, has in zip(axes, setup.axes, strict=True):
         differing += _differences(f"axis {has.name}", asks, has)
     if differing:
         raise UnusableInput(
-            f"{machine.source}: {'; '.join(differing)}: a run may believe another model, not other "
+            f"{name}: {'; '.join(differing)}: a run may believe another model, not other "
             "drives; start a server with this file"
         )
     return replace(setup, machine=machine)

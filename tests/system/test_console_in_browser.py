@@ -8,6 +8,7 @@ import time
 import pytest
 
 from stagectl.client import Client
+from stagectl.config import load_machine
 from stagectl.console.gate import SOCKET
 from stagectl.protocol.requests import Abort, QueueRemove
 from tests.chromium import chromium
@@ -161,6 +162,40 @@ def test_a_run_from_recipe_to_report(anna, client):
     report = opened.value
     report.wait_for_selector(".uplot canvas")  # its own scripts run
     assert report.evaluate("self.origin") == "null"  # in a sandbox
+
+
+@pytest.mark.slow
+def test_a_run_with_a_twin_from_its_diagnosis_to_what_it_changed(anna, client, served):
+    page, folder = anna.page, served[1] / "data" / "gaps" / "g-1"
+    folder.mkdir(parents=True)
+    (folder / "twin.yaml").write_text(load_machine().text)
+    runs = []
+    for twin in (False, True):
+        anna.take()
+        anna.go("gap")
+        if twin:
+            page.click("tr:has-text('g-1') >> text=Run with it")
+        anna.queue()
+        wait_for(lambda: len(client.state().queue) and client.state().queue[-1].status == "running")
+        runs.append(client.state().queue[-1])
+        wait_for(lambda: client.state().run is None)
+    assert runs[0].machine is None
+    assert runs[1].machine == str(folder / "twin.yaml")
+    anna.go("runs")
+    boxes = page.locator("tr:has-text('nine') input[type=checkbox]")
+    boxes.nth(0).check()
+    boxes.nth(1).check()
+    page.click("text=Compare their machine files")
+    page.wait_for_selector(".hint >> text=of the earlier one's gap above its floor")
+    page.evaluate("sessionStorage.removeItem('twin')")
+
+
+def test_live_shows_brake_and_sto_of_each_axis(anna, client):
+    anna.go("live")
+    card = anna.page.locator("section.axis").nth(1)
+    card.locator("text=not active").wait_for()
+    assert "Brake" in card.inner_text()
+    assert re.search(r"\d\.\d %", anna.page.inner_text(".slim"))
 
 
 def test_a_recipe_error_shows_its_line(anna):

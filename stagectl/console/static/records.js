@@ -44,8 +44,15 @@ export function Runs() {
 
 function Compare({ runs }) {
   const [found, setFound] = useState([]);
+  const [gap, setGap] = useState(null);
+  const ordered = [...runs].sort((a, b) => (a.started < b.started ? -1 : 1));
+  const models = () => {
+    setGap("comparing …");
+    post("/api/runs/compare", { before: ordered[0].folder, after: ordered[1].folder }).then(setGap).catch((why) => { setGap(null); toast(why.message); });
+  };
   useEffect(() => {
-    Promise.all(runs.map((run) => get(fileOf(run.folder, "summary.json")))).then(setFound).catch((why) => toast(why.message));
+    setGap(null);
+    Promise.all(ordered.map((run) => get(fileOf(run.folder, "summary.json")))).then(setFound).catch((why) => toast(why.message));
   }, [runs.map((r) => r.folder).join()]);
   if (found.length !== 2) return "";
   const rows = [];
@@ -56,9 +63,14 @@ function Compare({ runs }) {
     }
     rows.push([`${kind}: moves`, ...found.map((s) => (s[kind] || {}).count ?? "–")]);
   }
-  return html`<h3>Side by side</h3><table class="narrow"><thead><tr><th></th>${runs.map((r) => html`<th class="n" key=${r.folder}>${r.folder}</th>`)}</tr></thead>
-    <tbody>${rows.map(([name, a, b]) => html`<tr key=${name}><td>${name}</td><td class="n">${a}</td><td class="n">${b}</td></tr>`)}</tbody></table>`;
+  return html`<h3>Side by side</h3><table class="narrow"><thead><tr><th></th>${ordered.map((r) => html`<th class="n" key=${r.folder}>${r.folder}</th>`)}</tr></thead>
+    <tbody>${rows.map(([name, a, b]) => html`<tr key=${name}><td>${name}</td><td class="n">${a}</td><td class="n">${b}</td></tr>`)}
+      ${gap && gap.gap ? Object.entries(gap.gap).flatMap(([axis, of]) => Object.entries(of).map(([what, g]) => html`<tr key=${axis + what}><td>${axis}: gap of its machine file in ${what}, ${g.unit === "m" ? "nm" : g.unit}</td><td class="n">${inUnit(g.nominal, g.unit)}</td><td class="n">${inUnit(g.explained, g.unit)}</td></tr>`)) : ""}</tbody></table>
+    ${gap && gap.gap ? html`<p class="hint">On both recordings, the machine file of the later run closes ${Math.round(100 * gap.gap_closed)} % of the earlier one's gap above its floor.</p>`
+      : html`<div class="row"><button type="button" disabled=${gap !== null || runs.some((r) => !r.recorded)} onClick=${models}>Compare their machine files, too</button>${typeof gap === "string" ? html`<span class="note">${gap}</span>` : ""}</div>`}`;
 }
+
+const inUnit = (value, unit) => (value == null ? "–" : unit === "m" ? (value * 1e9).toFixed(1) : value.toFixed(3));
 
 export function Gap() {
   const { state } = useStore();
@@ -79,8 +91,9 @@ export function Gap() {
     <section class="panel"><h2>Diagnoses</h2><table class="records"><tbody>${(gaps || []).map((gap) => html`<tr key=${gap.folder}><td>${gap.folder}</td><td>
       ${gap.files.includes("report.html") ? html`<${Open} to=${fileOf("gaps", gap.folder, "report.html")}>Report<//>` : html`<small>no report</small>`}</td>
       <td>${gap.files.includes("twin.yaml") ? html`<a href=${fileOf("gaps", gap.folder, "twin.yaml")} download>Twin (machine file)</a>` : ""}</td>
+      <td>${gap.files.includes("twin.yaml") ? html`<button type="button" onClick=${() => { sessionStorage.setItem("twin", gap.folder); location.hash = "run"; }}>Run with it …</button>` : ""}</td>
       <td>${gap.files.includes("diagnosis.json") ? html`<a href=${fileOf("gaps", gap.folder, "diagnosis.json")} download>JSON</a>` : ""}</td></tr>`)}</tbody></table>
-      ${gaps && gaps.length ? html`<p class="note">To run with a twin, start the stage server with it: <code>stagectl serve --machine twin.yaml</code>; then compare two runs under Runs.</p>` : html`<p class="note">None yet.</p>`}</section>`;
+      ${gaps && gaps.length ? html`<p class="note">A run with a twin uses its model for the feedforward; drives and limits stay as they are. What it changed is shown under Runs, by two runs side by side.</p>` : html`<p class="note">None yet.</p>`}</section>`;
 }
 
 export function Friction() {

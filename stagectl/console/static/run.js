@@ -21,7 +21,11 @@ function Choose() {
   const [plan, setPlan] = useState(null);
   const [problems, setProblems] = useState([]);
   const [note, setNote] = useState("");
+  const [twins, setTwins] = useState([]);
+  const [twin, setTwin] = useState(sessionStorage.getItem("twin") || "");
+  const believe = (folder) => { setTwin(folder); sessionStorage.setItem("twin", folder); };
   const latest = useRef(0);
+  useEffect(() => { get("/api/gaps").then((found) => { const withTwin = found.filter((g) => g.files.includes("twin.yaml")).map((g) => g.folder); setTwins(withTwin); if (!withTwin.includes(twin)) believe(""); }).catch((why) => toast(why.message)); }, []);
   useEffect(() => { get("/api/recipes").then((found) => { setNames(found); if (!found.includes(name)) setName(found[0] || ""); }).catch((why) => toast(why.message)); }, []);
   useEffect(() => {
     if (!name) return;
@@ -42,7 +46,7 @@ function Choose() {
     return () => clearTimeout(timer);
   }, [text]);
   const add = async (begin) => {
-    const done = await order({ op: "queue_add", recipe: text, source: name, operator: me.name, ...(note.trim() ? { comment: note.trim() } : {}), start: begin });
+    const done = await order({ op: "queue_add", recipe: text, source: name, operator: me.name, ...(note.trim() ? { comment: note.trim() } : {}), ...(twin ? { machine: { text: "", source: twin } } : {}), start: begin });
     if (!done) return;
     toast(begin ? "Queued, and the queue runs" : "Queued", "good");
     if (begin) scrollTo({ top: 0 }); // where the run will be shown
@@ -55,6 +59,7 @@ function Choose() {
     ${problems.length ? html`<ul class="problems">${problems.map((p) => html`<${Problem} key=${p} text=${p} />`)}</ul>` : ""}
     ${plan ? html`<${Plan} plan=${plan} info=${state.server} />` : ""}
     <div class="row"><label class="wide">Note <input maxlength="300" value=${note} onInput=${(e) => setNote(e.target.value)} placeholder="stored with the run" /></label></div>
+    ${twins.length ? html`<div class="row"><label class="wide">Model <select aria-label="Model" value=${twin} onChange=${(e) => believe(e.target.value)}><option value="" selected=${!twin}>of the server's machine file</option>${twins.map((t) => html`<option key=${t} value=${t} selected=${t === twin}>twin of ${t}</option>`)}</select></label></div>` : ""}
     <div class="row below"><${Command} kind="main" disabled=${!plan} act=${() => add(true)}>Queue and start<//>
       <${Command} disabled=${!plan} act=${() => add(false)}>Queue<//><span class="note">by ${me.name}</span></div>
   </section>`;
@@ -112,7 +117,7 @@ function Queue() {
       const at = waiting.indexOf(entry);
       return html`<li key=${entry.id}><div><b>${entry.recipe}</b> <${Badge} tone=${tone} mark=${mark}>${word}<//>
           ${entry.verdict ? html` <${Badge} tone=${entry.verdict === "pass" ? "good" : "bad"} mark=${entry.verdict === "pass" ? "✓" : "✕"}>limits: ${entry.verdict}<//>` : ""}
-          <small>${[entry.lot && "lot " + entry.lot, entry.wafer && "wafer " + entry.wafer, entry.operator, entry.comment].filter(Boolean).join(" · ")}</small>
+          <small>${[entry.lot && "lot " + entry.lot, entry.wafer && "wafer " + entry.wafer, entry.operator, entry.machine && "with " + entry.machine.split("/").slice(-2).join("/"), entry.comment].filter(Boolean).join(" · ")}</small>
           ${entry.reason ? html`<small class="bad">${entry.reason}</small>` : ""}</div>
         <span class="row">${entry.status === "done" && entry.folder ? html`<a href=${reportOf(entry.folder)} target="_blank" rel="noopener noreferrer">Report</a>` : ""}
           ${at >= 0 ? html`<${Command} disabled=${at === 0} act=${() => order({ op: "queue_reorder", id: entry.id, place: at - 1 })} aria-label="earlier">↑<//>

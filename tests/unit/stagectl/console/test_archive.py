@@ -39,6 +39,17 @@ def test_a_diagnosis_writes_into_a_folder_of_its_own(tmp_path):
     assert Archive(tmp_path).gaps() == [{"folder": folder.name, "files": []}]
 
 
+def test_only_two_recorded_runs_are_compared(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "a" / "recording.h5").write_bytes(b"")
+    with pytest.raises(NoSuchFile):
+        Archive(tmp_path).compare_command("a", "b")
+    (tmp_path / "b" / "recording.h5").write_bytes(b"")
+    files = [str(tmp_path / name / "recording.h5") for name in ("a", "b")]
+    assert Archive(tmp_path).compare_command("a", "b")[:4] == ["gap", "compare", *files]
+
+
 def test_recipes_are_those_of_the_folder_and_the_packaged_ones(tmp_path):
     (tmp_path / "mine.yaml").write_text("recipe: mine\n")
     (tmp_path / "sites.yaml").write_text("calibrate: sites\n")

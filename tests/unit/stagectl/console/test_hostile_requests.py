@@ -261,6 +261,9 @@ REFUSED_COMMANDS = {
     "folder-of-run": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "folder": "/etc/x"},
     "run-to-resume": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "resume": "/etc"},
     "history": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "options": {"history": "/etc/x"}},  # noqa: E501
+    "machine-file": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "machine": {"text": "machine: a", "source": "gap-1"}},  # noqa: E501
+    "twin-elsewhere": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "machine": {"text": "", "source": "../run-1"}},  # noqa: E501
+    "no-twin": {"op": "queue_add", "source": "mine.yaml", "recipe": "a", "machine": {"text": "", "source": "none"}},  # noqa: E501
     "recipe-too-long": {"op": "check_recipe", "source": "mine.yaml", "recipe": "a" * 1_000_001},
     "enable-without-command": {"op": "enable"},
     "move-without-command": {"op": "move", "axis": "x", "distance": 1e-3},

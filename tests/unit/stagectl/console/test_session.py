@@ -88,6 +88,15 @@ def test_a_recipe_goes_with_its_own_path(fake, folders, commanding):
     assert fake.asked("queue_add")[0].source == str(folders / "recipes" / "mine.yaml")
 
 
+def test_a_twin_goes_by_the_name_of_its_diagnosis(fake, folders, commanding):
+    twin = folders / "data" / "gaps" / "gap-1" / "twin.yaml"
+    twin.write_text("machine: a twin\n")
+    asked = {"op": "queue_add", "recipe": "recipe: mine", "source": "mine.yaml"}
+    assert "result" in commanding.ask(**asked, machine={"text": "", "source": "gap-1"})
+    sent = fake.asked("queue_add")[-1].machine
+    assert (sent.text, sent.source) == ("machine: a twin\n", str(twin))
+
+
 def test_samples_come_without_a_gap(live, fake):
     import struct
 
