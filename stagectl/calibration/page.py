@@ -15,7 +15,8 @@ from stagectl.calibration.outcome import (
     reached_gains,
 )
 from stagectl.calibration.sequence import SiteSequence
-from stagectl.maps import AxisChange, MapVersion, draw_maps
+from stagectl.maps import AxisChange, MapVersion
+from stagectl.maps.output import draw_maps
 from stagectl.report import Fact, Outline, Section, Table, render_page
 from stagectl.report.formats import percent, place
 from stagectl.report.outline import Level

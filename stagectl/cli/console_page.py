@@ -102,18 +102,27 @@ def command(stage: _Stage, page: _Page) -> None:
             f"the console needs {', '.join(missing)}: pip install 'stagectl[console]'"
         )
     from stagectl.client import server_names
-    from stagectl.console import Listening, ServerProcess, serve_console
+    from stagectl.console.server_process import ServerProcess
     from stagectl.protocol.endpoint import endpoint
 
-    name = _server_name(stage, server_names())
+    running = server_names()
+    name = _server_name(stage, running)
     where = endpoint(name)
-    starts = name not in server_names()
-    server = ServerProcess(where, stage.serve_arguments(name)) if starts else None
-    serve_console(
-        Listening(page.host, page.port, page.token_file, page.origin), where, server,
-        (stage.data or _RUNS).absolute(),
-        stage.recipes or (_RECIPES if _RECIPES.is_dir() else None), page.browser,
-    )  # fmt: skip
+    server = None if name in running else ServerProcess(where, stage.serve_arguments(name))
+    if server is not None:
+        server.start()  # it takes longer to import than the console
+    from stagectl.console.process import Listening, serve_console
+
+    try:
+        serve_console(
+            Listening(page.host, page.port, page.token_file, page.origin), where, server,
+            (stage.data or _RUNS).absolute(),
+            stage.recipes or (_RECIPES if _RECIPES.is_dir() else None), page.browser,
+        )  # fmt: skip
+    except BaseException:
+        if server is not None:
+            server.end()
+        raise
 
 
 def _server_name(stage: _Stage, running: list[str]) -> str:

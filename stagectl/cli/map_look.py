@@ -47,13 +47,8 @@ def show(
 
     Without NUMBER: the version in use, or the latest if none is.
     """
-    from stagectl.maps import (
-        at_place,
-        map_outline,
-        map_versions,
-        version_as_json,
-        write_map_page,
-    )
+    from stagectl.maps import map_versions
+    from stagectl.maps.output import at_place, map_outline, version_as_json, write_map_page
     from stagectl.report import print_outline, print_sections
 
     with histories.open() as (opened, stage):
@@ -74,7 +69,8 @@ def show(
 @JSON_OUT
 def list_versions(histories: HistoryOptions, json_out: Path | None) -> None:
     """List all versions, and when each was in use."""
-    from stagectl.maps import map_versions, versions_as_json, versions_sections
+    from stagectl.maps import map_versions
+    from stagectl.maps.output import versions_as_json, versions_sections
     from stagectl.report import print_sections
 
     with histories.open() as (opened, stage):
@@ -91,8 +87,8 @@ def list_versions(histories: HistoryOptions, json_out: Path | None) -> None:
 @JSON_OUT
 def compare(histories: HistoryOptions, old: int, new: int, json_out: Path | None) -> None:
     """Show what changed from version OLD to version NEW, site by site."""
-    from stagectl.maps import changes_as_json, changes_sections
     from stagectl.maps import compare as compare_maps
+    from stagectl.maps.output import changes_as_json, changes_sections
     from stagectl.report import print_sections
 
     with histories.open() as (opened, stage):

@@ -105,7 +105,7 @@ def rollback(histories: HistoryOptions, against: _Check, json_out: Path | None) 
             version = select_version(opened, stage, number)
             _activate(opened, stage, version, against, "rolled back", json_out)
             return
-        from stagectl.maps import activation_as_json
+        from stagectl.maps.output import activation_as_json
 
         opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
         click.echo(f"{stage}: no map in use", err=is_json_on_stdout(json_out))
@@ -132,7 +132,8 @@ def _activate(
 ) -> None:  # fmt: skip
     """Check a version and report the findings; put it into use unless `reason` is None."""
     from stagectl.config import load_machine
-    from stagectl.maps import activation_as_json, outdated, problems
+    from stagectl.maps import outdated, problems
+    from stagectl.maps.output import activation_as_json
 
     now, quiet = datetime.now(UTC).timestamp(), is_json_on_stdout(json_out)
     model = load_machine(against.machine)

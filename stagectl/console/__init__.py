@@ -6,7 +6,3 @@ rates), `gate` (what every request passes), `bodies` (JSON), `samples` and `scop
 `session` (one page's websocket), `context`, `records` and `app` (routes), `process`. The page is in
 `static/`.
 """
-
-from stagectl.console.process import Listening as Listening
-from stagectl.console.process import serve_console as serve_console
-from stagectl.console.server_process import ServerProcess as ServerProcess

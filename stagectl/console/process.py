@@ -56,7 +56,7 @@ def serve_console(
     Args:
         at: address.
         where: sockets of the stage server.
-        server: to start it as, or None where one serves.
+        server: the process that the console has started it as, or None where one serves.
         data: folder of runs, while no server names one.
         recipes: folder of recipes, or None.
         browser: whether to open one.
@@ -74,8 +74,6 @@ def serve_console(
         page = f"http://{f'[{at.host}]' if ':' in at.host else at.host}:{port}/"
         address = f"{page}#token={token}"
         click.echo(address if at.token_file is None else page)
-        if server is not None:
-            server.start()
         if browser:
             _open_browser(address, Path(own))
         _run(console, listening)

@@ -5,8 +5,9 @@ import json
 import pytest
 
 from stagectl.history import Activation
-from stagectl.maps import compare, version_as_json
+from stagectl.maps import compare
 from stagectl.maps.applicable import Problem
+from stagectl.maps.output import version_as_json
 from stagectl.maps.output.as_json import activation_as_json, changes_as_json, versions_as_json
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, level
 

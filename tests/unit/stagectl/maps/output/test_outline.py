@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from stagectl.history import Activation
-from stagectl.maps import changes_sections, compare, map_outline
+from stagectl.maps import compare
+from stagectl.maps.output import changes_sections, map_outline
 from stagectl.maps.output.outline import at_place, day, versions_sections
 from stagectl.report import print_outline, print_sections
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, level

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stagectl.history import Trend
-from stagectl.maps import draw_maps
+from stagectl.maps.output import draw_maps
 from stagectl.maps.output.page import MOST, trend_chart
 from stagectl.maps.output.surface import surface
 from tests.unit.stagectl.maps.conftest import BEGIN

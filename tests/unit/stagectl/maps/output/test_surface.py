@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from stagectl.maps import changes_sections, compare, map_outline, version_as_json
+from stagectl.maps import compare
+from stagectl.maps.output import changes_sections, map_outline, version_as_json
 from stagectl.maps.output.page import render_map
 from stagectl.maps.output.surface import surface
 from stagectl.report import print_outline, print_sections
