@@ -1,7 +1,7 @@
 """What a stage server costs and how fast it stops, on virtual drives paced by the wall clock.
 
-    python -m benchmarks.server.served_stage            # watchers, presses of stop, kills
-    python -m benchmarks.server.served_stage --watchers # one of them: --watchers, --stops, --kills
+    python -m benchmarks.server.served_stage            # all of it, an hour
+    python -m benchmarks.server.served_stage --kills    # or --watchers, --stops, --memory
 
 Ratios and differences within one run of it; nothing else should run on the computer.
 """
@@ -61,10 +61,7 @@ def watchers(folder: Path, pairs: int, seconds: float, count: int) -> None:
             with serving(folder, "--pace-statistics", str(statistics)) as process:
                 with Client("bench") as client:
                     client.do(ask.Home())
-                    others = [
-                        subprocess.Popen([sys.executable, "-c", WATCH, "bench"])
-                        for _ in range(count if watched else 0)
-                    ]
+                    others = [_watcher() for _ in range(count if watched else 0)]
                     time.sleep(2.0 + len(others))  # until they have started, on few cores
                     before = client.state().late
                     _keep_moving(client, seconds)
@@ -153,15 +150,44 @@ def kills(folder: Path, count: int) -> None:
     print(f"{count} kills in mid-run: {lost} with something lost or started by itself")
 
 
+def memory(folder: Path, minutes: int, count: int = 8) -> None:
+    """Memory of a server that moves its stage while watchers come and go."""
+    found, draw = [], np.random.default_rng(1)
+    with serving(folder) as process, Client("bench") as client:
+        client.do(ask.Home())
+        others = [_watcher() for _ in range(count)]
+        end = time.monotonic() + 60 * minutes
+        while time.monotonic() < end:
+            _keep_moving(client, 10.0)
+            gone = int(draw.integers(count))
+            others[gone].kill()
+            others[gone].wait()
+            others[gone] = _watcher()
+            text = Path(f"/proc/{process.pid}/status").read_text()
+            found.append(int(text.partition("VmRSS:")[2].split()[0]) / 1024)
+        for other in others:
+            other.kill()
+    settled = np.array(found[len(found) // 10 :])
+    least, most = settled.min(), settled.max()
+    print(f"{minutes} min, {count} watchers, one of them new every 10 s: {least:.1f} to "
+          f"{most:.1f} MB after the first tenth, {100 * (settled[-1] / settled[0] - 1):+.1f} % "
+          "from its begin to its end")  # fmt: skip
+
+
+def _watcher() -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", WATCH, "bench"])
+
+
 def main() -> None:
     """Run what is asked for."""
     options = argparse.ArgumentParser(description=__doc__)
-    for name, text in (("watchers", "8"), ("stops", "200"), ("kills", "20")):
+    for name, text in (("watchers", "8"), ("stops", "200"), ("kills", "20"), ("memory", "30")):
         options.add_argument(f"--{name}", nargs="?", type=int, const=int(text))
     options.add_argument("--pairs", type=int, default=5)
     options.add_argument("--seconds", type=float, default=60.0)
     given = options.parse_args()
-    all_of_it = given.watchers is given.stops is given.kills is None
+    asked = (given.watchers, given.stops, given.kills, given.memory)
+    all_of_it = asked == (None,) * 4
     with tempfile.TemporaryDirectory() as name:
         if all_of_it or given.watchers:
             watchers(Path(name), given.pairs, given.seconds, given.watchers or 8)
@@ -169,6 +195,8 @@ def main() -> None:
             stops(Path(name), given.stops or 200)
         if all_of_it or given.kills:
             kills(Path(name), given.kills or 20)
+        if all_of_it or given.memory:
+            memory(Path(name), given.memory or 30)
 
 
 if __name__ == "__main__":

@@ -212,6 +212,7 @@ class Runner:
     say: Callable[..., object]
     active: Active | None = None
     _results: SimpleQueue[Callable[[], object]] = field(default_factory=SimpleQueue)
+    _threads: list[threading.Thread] = field(default_factory=list)
 
     def turn(self, free: bool) -> None:
         """Take what has come from threads; begin with the next entry where the stage is free."""
@@ -357,7 +358,14 @@ class Runner:
                 text = f"internal error: {type(why).__name__}: {why}"
                 self._results.put(lambda: self._broken(text))
 
-        threading.Thread(target=run, name="run", daemon=True).start()
+        thread = threading.Thread(target=run, name="run", daemon=True)
+        self._threads = [each for each in self._threads if each.is_alive()] + [thread]
+        thread.start()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a run is under way, or files are being made."""
+        return self.active is not None or any(each.is_alive() for each in self._threads)
 
     def _broken(self, text: str) -> None:
         if self.active is not None:

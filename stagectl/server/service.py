@@ -168,10 +168,10 @@ class Service:
         return job
 
     def end(self) -> None:
-        """The server ends: a run is stopped, and its files are made."""
+        """The server ends: a run is stopped; its files, and those of earlier ones, are made."""
         self._runner.abort("the server was stopped")
         deadline = time.monotonic() + _LAST
-        while self._runner.active is not None and time.monotonic() < deadline:
+        while self._runner.is_busy and time.monotonic() < deadline:
             self.turn()
             time.sleep(0.02)
         self._pool.shutdown(wait=False)
