@@ -37,19 +37,16 @@ def _check(settings: object, axis: str | None = None, prefix: str = "") -> None:
 
 @dataclass(frozen=True, slots=True)
 class RealTimeSettings:
-    """Requests to the operating system, on buses in real time.
-
-    Attributes:
-        priority: of SCHED_FIFO, 1..99; 0: normal scheduling.
-        core: processor core to run on, None for any.
-        lock_memory: keep all memory in RAM (mlockall).
-        freeze_gc: no garbage collection during streams.
-    """
+    """Requests to the operating system, on buses in real time."""
 
     priority: Annotated[int, Interval(ge=0, le=99)] = 0
+    """SCHED_FIFO priority, 1 to 99; 0: not requested."""
     core: Annotated[int, Interval(ge=0, le=1023)] | None = None
+    """Processor core to run on; without it: any."""
     lock_memory: bool = False
+    """Keep all memory in RAM (mlockall)."""
     freeze_gc: bool = True
+    """No garbage collection during motion."""
 
     def __post_init__(self) -> None:
         _check(self, prefix="realtime ")
@@ -125,21 +122,21 @@ class BusSettings:
 
 @dataclass(frozen=True, slots=True)
 class OptionCodes:
-    """Option codes of CiA 402: how the drive stops.
-
-    Attributes:
-        quick_stop: 0x605A; 0..3 leave QUICK STOP ACTIVE, 5..8 stay in it.  shutdown: 0x605B.
-        disable: 0x605C.  halt: 0x605D.  fault_reaction: 0x605E.
-        abort_connection: 0x6007, when the host is lost: 1 fault, 2 voltage off, 3 quick stop. 0, no
-            action, is not allowed.
-    """
+    """Option codes of CiA 402: how the drive stops."""
 
     quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
+    """0x605A; 0 to 3 leave QUICK STOP ACTIVE, 5 to 8 stay in it."""
     shutdown: Literal[0, 1] = 1
+    """0x605B."""
     disable: Literal[0, 1] = 1
+    """0x605C."""
     halt: Literal[1, 2, 3, 4] = 1
+    """0x605D."""
     fault_reaction: Literal[0, 1, 2, 3, 4] = 2
+    """0x605E."""
     abort_connection: Literal[1, 2, 3] = 3
+    """0x6007, the drive's reaction to the loss of its host: 1 fault, 2 voltage off, 3 quick stop.
+    0, no action, is not allowed."""
 
     def __post_init__(self) -> None:
         _check(self, prefix="option code ")

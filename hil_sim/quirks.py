@@ -24,21 +24,18 @@ _FORGOTTEN = 10
 
 @dataclass(frozen=True, slots=True)
 class Quirks:
-    """Of one drive; the defaults are a drive without.
-
-    Attributes:
-        offset_delay: SYNCs by which the force offset (0x60B2) acts too late.
-        offset_sign: -1: it acts the other way.
-        offset_step: it acts in steps of this, over the rated force; 0: as sent.
-        position_delay: SYNCs by which the position actual value (0x6064) is too old.
-        position_filter: time constant of a low-pass on it [s]; 0: none.
-    """
+    """Of one drive; the defaults are a drive without."""
 
     offset_delay: Delay = 0
+    """SYNCs by which the force offset (0x60B2) acts too late."""
     offset_sign: Literal[1, -1] = 1
+    """-1: the force offset acts the other way."""
     offset_step: Share = 0.0
+    """The force offset acts in steps of this share of the rated force; 0: as sent."""
     position_delay: Delay = 0
+    """SYNCs by which the position actual value (0x6064) is too old."""
     position_filter: NotNegative = 0.0
+    """Time constant of a low-pass on 0x6064 [s]; 0: none."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -26,26 +26,27 @@ Exponents = tuple[int, int, int]  # of metre, kilogram, second
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """The dimension of a quantity: its name, SI exponents and an example with a unit."""
+    """The dimension of a quantity: its name, SI exponents, an example with a unit, its SI unit."""
 
     name: str
     exponents: Exponents
     example: str
+    unit: str
 
 
-NUMBER: Final = Dimension("a number", (0, 0, 0), "")
-LENGTH: Final = Dimension("a length", (1, 0, 0), "80 um")
-TIME: Final = Dimension("a time", (0, 0, 1), "5 ms")
-VELOCITY: Final = Dimension("a velocity", (1, 0, -1), "10 mm/s")
-ACCELERATION: Final = Dimension("an acceleration", (1, 0, -2), "3 m/s^2")
-JERK: Final = Dimension("a jerk", (1, 0, -3), "200 m/s^3")
-FORCE: Final = Dimension("a force", (1, 1, -2), "40 N")
-MASS: Final = Dimension("a mass", (0, 1, 0), "8 kg")
-FREQUENCY: Final = Dimension("a frequency", (0, 0, -1), "1.5 kHz")
-STIFFNESS: Final = Dimension("a stiffness", (0, 1, -2), "0.6 N/um")
-DAMPING: Final = Dimension("a damping", (0, 1, -1), "20 N s/m")
-FORCE_RATE: Final = Dimension("a force per time", (1, 1, -3), "600 N/s")
-INTEGRAL_GAIN: Final = Dimension("a stiffness per time", (0, 1, -3), "16 MN/(m s)")
+NUMBER: Final = Dimension("a number", (0, 0, 0), "", "")
+LENGTH: Final = Dimension("a length", (1, 0, 0), "80 um", "m")
+TIME: Final = Dimension("a time", (0, 0, 1), "5 ms", "s")
+VELOCITY: Final = Dimension("a velocity", (1, 0, -1), "10 mm/s", "m/s")
+ACCELERATION: Final = Dimension("an acceleration", (1, 0, -2), "3 m/s^2", "m/s^2")
+JERK: Final = Dimension("a jerk", (1, 0, -3), "200 m/s^3", "m/s^3")
+FORCE: Final = Dimension("a force", (1, 1, -2), "40 N", "N")
+MASS: Final = Dimension("a mass", (0, 1, 0), "8 kg", "kg")
+FREQUENCY: Final = Dimension("a frequency", (0, 0, -1), "1.5 kHz", "Hz")
+STIFFNESS: Final = Dimension("a stiffness", (0, 1, -2), "0.6 N/um", "N/m")
+DAMPING: Final = Dimension("a damping", (0, 1, -1), "20 N s/m", "N s/m")
+FORCE_RATE: Final = Dimension("a force per time", (1, 1, -3), "600 N/s", "N/s")
+INTEGRAL_GAIN: Final = Dimension("a stiffness per time", (0, 1, -3), "16 MN/(m s)", "N/(m s)")
 
 _DIMENSIONS: Final = (
     LENGTH, TIME, VELOCITY, ACCELERATION, JERK, FORCE, MASS, FREQUENCY, STIFFNESS, DAMPING,
@@ -171,14 +172,22 @@ def parse_quantity(value: object, dimension: Dimension) -> float:
     return result
 
 
-def _validator(dimension: Dimension) -> BeforeValidator:
-    def convert(value: object) -> float:
+@dataclass(frozen=True, slots=True)
+class Converter:
+    """Makes an SI float of a value from a file; of a dimension, which the reference names."""
+
+    dimension: Dimension
+
+    def __call__(self, value: object) -> float:
+        """`parse_quantity`, with its reason in the operator's words."""
         try:
-            return parse_quantity(value, dimension)
+            return parse_quantity(value, self.dimension)
         except ValueError as error:
             raise refusal(str(error)) from None
 
-    return BeforeValidator(convert)
+
+def _validator(dimension: Dimension) -> BeforeValidator:
+    return BeforeValidator(Converter(dimension))
 
 
 # Field types of the models: any value, > 0, >= 0.
