@@ -4,12 +4,14 @@ Their commands are followed by `make docs-check`.
 """
 
 import importlib
+import json
 import re
 from pathlib import Path
+from statistics import mean
 
 import pytest
 
-from tools import docs_commands
+from tools import docs_commands, reference
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -71,11 +73,54 @@ def test_every_test_that_guards_against_a_pitfall_exists():
 
 def test_a_block_of_commands_is_followed_or_says_why_not():
     marked = {page.name: docs_commands.blocks(page.read_text("utf-8")) for page in PAGES}
-    assert len(marked["loop.md"]) > 5
+    assert len(marked["diagnose.md"]) > 5
     with pytest.raises(docs_commands.WrongDocsError, match="line 2: unknown comment before it: no"):
         docs_commands.blocks("<!-- no -->\n```console\n$ true\n```\n")
     (block,) = docs_commands.blocks("<!-- exit 3 -->\n```console\n$ true\n```\n")
     assert block.mark == "exit 3"
+
+
+@pytest.mark.parametrize("name", reference.PAGES)
+def test_the_reference_is_what_the_program_has(name):
+    page = (reference.FOLDER / name).read_text(encoding="utf-8")
+    assert page == reference.PAGES[name](), "python tools/reference.py writes it anew"
+
+
+def test_the_reference_has_every_key():
+    text = (reference.FOLDER / "machine.md").read_text(encoding="utf-8")
+    for key in (
+        "sync_period",
+        "following_error_time",
+        "revision",
+        "lock_memory",
+        "position_filter",
+    ):
+        assert text.count(f"| `{key}` |") == 1, key
+    assert "| `sync_period` | s | > 0 … 1 | required |" in text
+    assert "| `heartbeat` | s | 0.01 … 1 | 0.1 |" in text
+
+
+FIRST = (ROOT / "docs" / "tutorials" / "first-effect.md").read_text("utf-8")
+
+
+def test_the_first_tutorial_takes_few_commands():
+    typed = [c for b in docs_commands.blocks(FIRST) for c in docs_commands.commands(FIRST, b)]
+    assert 5 < len(typed) <= 12
+
+
+@pytest.mark.slow
+def test_the_first_tutorial_names_an_effect_without_which_the_stage_settles_sooner():
+    """As it is written, within the time that a test may take: ten minutes."""
+    with docs_commands.copy_of_the_clone() as clone:
+        for command, printed in docs_commands.follow(FIRST, clone):
+            assert command.corrected(printed) == list(command.quoted)
+        before, after = (
+            mean(max(move["settling"].values()) for move in json.loads(text)["moves"])
+            for text in ((clone / run / "summary.json").read_text() for run in ("before", "after"))
+        )
+        assert "cross_coupling" in (clone / "twin.yaml").read_text()
+    assert before > 0.010
+    assert after < before / 3
 
 
 PRINTED = "x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041"
