@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+CONSOLE := $(VENV)/.installed-console
 DEV := $(VENV)/.installed-dev
 
 # Else every process that a test starts would compile all that it imports.
@@ -35,7 +36,12 @@ $(DEV): $(INSTALLED) requirements/dev.txt
 	$(LOCKED) --no-build-isolation --requirement requirements/dev.txt
 	@touch $@
 
-console: $(DEV) ## the operator's page on the virtual stage
+# What the operator's page takes beside that.
+$(CONSOLE): $(INSTALLED) requirements/console.txt
+	$(LOCKED) --requirement requirements/console.txt
+	@touch $@
+
+console: $(CONSOLE) ## the operator's page on the virtual stage
 	$(BIN)/stagectl console --simulate
 
 run: $(INSTALLED) ## run the inspection recipe on the virtual stage
@@ -102,6 +108,7 @@ release: $(DEV) ## wheel, sdist, list of parts (SBOM) and licences in dist/, che
 lock: $(UV) ## requirements/ anew, with the newest versions that pyproject.toml allows
 	$(COMPILE) requirements/run.txt --group build pyproject.toml
 	$(COMPILE) requirements/dev.txt --constraint requirements/run.txt --all-extras --group dev pyproject.toml
+	$(COMPILE) requirements/console.txt --constraint requirements/dev.txt --extra console pyproject.toml
 	$(COMPILE) requirements/mutants.txt --constraint requirements/dev.txt --group mutants
 	$(COMPILE) requirements/release.txt --constraint requirements/dev.txt --group release
 

@@ -54,6 +54,18 @@ class UnusableInput(StagectlError):  # noqa: N818
     exit_code: ClassVar[int] = 2
 
 
+def missing_extra(what: str, packages: str, extra: str, instead: str = "") -> UnusableInput:
+    """That something needs packages which are not installed, with the command that installs them.
+
+    Args:
+        what: needs them, with its verb: "fleets need".
+        packages: that are missing.
+        extra: of stagectl that has them.
+        instead: what else would do.
+    """
+    return UnusableInput(f"{what} {packages}: pip install 'stagectl[{extra}]'{instead}")
+
+
 @contextmanager
 def unusable(*kinds: type[Exception], about: str = "") -> Iterator[None]:
     """Makes errors of some kinds an `UnusableInput`, with what they are about before their text."""

@@ -11,7 +11,7 @@ import click
 from stagectl.cli.files import InputFolder
 from stagectl.cli.options import FILE, BusType, option, takes
 from stagectl.cli.stage_options import TWO_BUSES
-from stagectl.errors import UnusableInput
+from stagectl.errors import UnusableInput, missing_extra
 
 _NEEDED = ("starlette", "uvicorn", "websockets")
 _SAME_AS_HOST = Path("same as the host")
@@ -98,9 +98,7 @@ def command(stage: _Stage, page: _Page) -> None:
     run is under way. Stop on the page is no emergency stop.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     if missing := [name for name in _NEEDED if find_spec(name) is None]:
-        raise UnusableInput(
-            f"the console needs {', '.join(missing)}: pip install 'stagectl[console]'"
-        )
+        raise missing_extra("the console needs", ", ".join(missing), "console")
     from stagectl.client import server_names
     from stagectl.console.server_process import ServerProcess
     from stagectl.protocol.endpoint import endpoint

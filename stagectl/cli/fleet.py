@@ -20,7 +20,7 @@ from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import FILE, JSON_OUT, option, takes
 from stagectl.cli.progress import clock_time
 from stagectl.cli.signals import interruptible
-from stagectl.errors import StagectlError
+from stagectl.errors import StagectlError, missing_extra
 
 if TYPE_CHECKING:
     from stagectl.fleet import Done, Folder, Job, Ledger, Outcome, Source
@@ -131,7 +131,7 @@ def _fleet() -> Any:
         import fsspec
         import pyarrow
     except ImportError as error:
-        raise StagectlError(f"fleets need {error.name}: pip install 'stagectl[fleet]'") from error
+        raise missing_extra("fleets need", str(error.name), "fleet") from error
     del dask, distributed, fsspec, pyarrow
     # One thread in each worker, and none of its own in this process.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

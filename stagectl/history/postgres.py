@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from stagectl.config.history_address import UNNAMED, hide_passwords, shown_address
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import StagectlError, UnusableInput, missing_extra
 from stagectl.history.database import NoHistory, newer
 from stagectl.history.schema import MIGRATIONS, READABLE
 
@@ -56,9 +56,7 @@ class PostgresDatabase:
         try:
             import psycopg
         except ImportError:
-            raise UnusableInput(
-                "a history in PostgreSQL needs psycopg: pip install 'stagectl[postgres]'"
-            ) from None
+            raise missing_extra("a history in PostgreSQL needs", "psycopg", "postgres") from None
         self._error = psycopg.Error
         # psycopg logs a lost connection; our error reports it already.
         logging.getLogger("psycopg").addHandler(logging.NullHandler())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import StagectlError, missing_extra
 from stagectl.protocol.state import Notice, State
 
 if TYPE_CHECKING:
@@ -32,9 +32,7 @@ class Metrics:
         try:
             import prometheus_client as prometheus
         except ImportError as why:
-            raise UnusableInput(
-                "--metrics needs prometheus-client: pip install 'stagectl[metrics]'"
-            ) from why
+            raise missing_extra("--metrics needs", "prometheus-client", "metrics") from why
         self.registry: CollectorRegistry = prometheus.CollectorRegistry()
         own = self.registry
         self._moves = prometheus.Counter("stagectl_moves", "Moves begun", ["kind"], registry=own)

@@ -13,9 +13,9 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 GROUPS = PROJECT["dependency-groups"]
-EXTRAS = PROJECT["project"]["optional-dependencies"].values()
+EXTRAS = PROJECT["project"]["optional-dependencies"]
 RUN = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"], *GROUPS["build"]]
-DEV = [*(r for extra in EXTRAS for r in extra), *GROUPS["dev"]]
+DEV = [*(r for extra in EXTRAS.values() for r in extra), *GROUPS["dev"]]
 
 
 def blocks(file):
@@ -26,7 +26,10 @@ def blocks(file):
             yield block.strip()
 
 
-@pytest.mark.parametrize(("file", "asked"), [("run.txt", RUN), ("dev.txt", RUN + DEV)])
+@pytest.mark.parametrize(
+    ("file", "asked"),
+    [("run.txt", RUN), ("console.txt", EXTRAS["console"]), ("dev.txt", RUN + DEV)],
+)
 def test_every_requirement_is_locked_within_its_bounds(file, asked):
     locked = dict[str, list[str]]()
     for block in blocks(file):
@@ -38,9 +41,14 @@ def test_every_requirement_is_locked_within_its_bounds(file, asked):
         assert any(wanted.specifier.contains(version) for version in versions), text
 
 
-@pytest.mark.parametrize("file", ["run.txt", "dev.txt", "mutants.txt"])
+@pytest.mark.parametrize("file", ["run.txt", "console.txt", "dev.txt", "mutants.txt"])
 def test_everything_has_hashes_and_nothing_an_address(file):
     assert "://" not in (ROOT / "requirements" / file).read_text()
     for block in blocks(file):
         assert re.match(r"[\w.\[\]-]+==\S+", block), block
         assert "--hash=sha256:" in block, block
+
+
+def test_the_console_takes_the_versions_that_tests_have():
+    of_tests = {block.split(" ")[0] for block in blocks("dev.txt")}
+    assert {block.split(" ")[0] for block in blocks("console.txt")} <= of_tests

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stagectl.errors import UnusableInput
+from stagectl.errors import UnusableInput, missing_extra
 from stagectl.history import History, RunEntry, StageKey
 from stagectl.maps.model import MapVersion
 from stagectl.store import write_atomically
@@ -166,10 +166,7 @@ def _parquet(table: Table) -> bytes:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
-        raise UnusableInput(
-            "Parquet needs pyarrow, which is not installed: pip install 'stagectl[export]', "
-            "or write .csv"
-        ) from None
+        raise missing_extra("Parquet needs", "pyarrow", "export", ", or write .csv") from None
     columns = list(zip(*table.rows, strict=True)) or [()] * len(table.columns)
     sink = pyarrow.BufferOutputStream()
     pyarrow.parquet.write_table(
