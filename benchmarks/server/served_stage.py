@@ -21,9 +21,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from stagectl.cli.options import DATA
 from stagectl.client import Client, JobFailed
+from stagectl.config import load_machine
 from stagectl.protocol import requests as ask
 from stagectl.store import read_recording
 
@@ -32,6 +34,17 @@ WATCH = (
     "import sys; from stagectl.client import Client\n"
     "for seen in Client(sys.argv[1], 'watcher').watch(samples=True): pass\n"
 )
+
+
+def in_real_time(folder: Path, priority: int) -> list[str]:
+    """Options for a machine file with this priority of SCHED_FIFO; none for 0."""
+    if not priority:
+        return []
+    machine = yaml.safe_load(load_machine().text)
+    machine["bus"]["realtime"] = {"priority": priority}
+    path = folder / "machine.yaml"
+    path.write_text(yaml.safe_dump(machine, sort_keys=False), encoding="utf-8")
+    return ["--machine", str(path)]
 
 
 @contextmanager
@@ -51,14 +64,16 @@ def serving(folder: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
                 process.wait()
 
 
-def watchers(folder: Path, pairs: int, seconds: float, count: int) -> None:
+def watchers(folder: Path, pairs: int, seconds: float, count: int, priority: int) -> None:
     """Lateness of the stage's thread with and without watchers, in alternating pairs."""
     statistics = folder / "pace.npz"
-    print(f"{pairs} pairs of {seconds:g} s, without and with {count} watchers (setpoints streamed)")
+    how = f"SCHED_FIFO, priority {priority}" if priority else "normal priority"
+    print(f"{pairs} pairs of {seconds:g} s in motion, without and with {count} watchers; {how}")
+    machine = in_real_time(folder, priority)
     rows: dict[bool, list[tuple[float, ...]]] = {False: [], True: []}
     for _ in range(pairs):
         for watched in (False, True):
-            with serving(folder, "--pace-statistics", str(statistics)) as process:
+            with serving(folder, "--pace-statistics", str(statistics), *machine) as process:
                 with Client("bench") as client:
                     client.do(ask.Home())
                     others = [_watcher() for _ in range(count if watched else 0)]
@@ -185,12 +200,13 @@ def main() -> None:
         options.add_argument(f"--{name}", nargs="?", type=int, const=int(text))
     options.add_argument("--pairs", type=int, default=5)
     options.add_argument("--seconds", type=float, default=60.0)
+    options.add_argument("--priority", type=int, default=0, help="of SCHED_FIFO, where permitted")
     given = options.parse_args()
     asked = (given.watchers, given.stops, given.kills, given.memory)
     all_of_it = asked == (None,) * 4
     with tempfile.TemporaryDirectory() as name:
         if all_of_it or given.watchers:
-            watchers(Path(name), given.pairs, given.seconds, given.watchers or 8)
+            watchers(Path(name), given.pairs, given.seconds, given.watchers or 8, given.priority)
         if all_of_it or given.stops:
             stops(Path(name), given.stops or 200)
         if all_of_it or given.kills:

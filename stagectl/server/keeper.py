@@ -18,6 +18,7 @@ from queue import Empty, SimpleQueue
 
 import numpy as np
 
+from drivers.cyclic import RealTime
 from drivers.errors import BusError, DriverError
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
@@ -197,7 +198,14 @@ class StageKeeper(threading.Thread):
         world = self.world = PacedWorld(f"server-{id(self)}")
         VirtualStage(settings, self._simulated.seed).attach(world)
         world.sleep_until_ns(100_000_000)  # the drives boot up
-        yield replace(self._bus, interface="lockstep", channel=world.name)
+        real_time = RealTime(self._bus.realtime)  # as on a real bus: it keeps to the wall clock
+        real_time.begin()
+        for clause in real_time.refused:
+            self._handover.give(Said(clause))
+        try:
+            yield replace(self._bus, interface="lockstep", channel=world.name)
+        finally:
+            real_time.end()
 
     def _turn(self, stage: Stage) -> None:
         try:
