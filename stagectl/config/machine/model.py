@@ -202,7 +202,7 @@ class Axis(Section):
     effects: tuple[GivenEffect, ...] = ()
     """List of `{effect: name, key: number, ...}`: what else acts on this axis, simulated, and
     compensated by the host of a run. The keys of each effect:
-    [effects](../formats/effects.md#parameters). Time begins with the first SYNC at which the host
+    [effects](../formats/effects.md#keys). Time begins with the first SYNC at which the host
     streams setpoints."""
     observer: Literal["auto", "trust", "none"] = "auto"
     """`auto`: force offsets are corrected by the [observer](../observer.md) once the axis has been
