@@ -152,7 +152,11 @@ class Network(canopen.Network):
             raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
 
     def put(self, message: can.Message, data: bytes, now: int) -> None:
-        """Sends a frame with this data at `now` [ns]; errors of the bus are python-can's own."""
+        """Sends a frame with this data at `now` [ns]; errors of the bus are python-can's own.
+
+        Raises:
+            BusError: the bus is closed.
+        """
         if self.bus is None:
             raise BusError(f"bus {self.label}: is closed")
         if self.tap is not None:

@@ -222,7 +222,11 @@ class Node(RemoteObjects):
         return None if variable is None else variable.default
 
     def set_heartbeat(self) -> None:
-        """Has the node send heartbeats."""
+        """Has the node send heartbeats (0x1017).
+
+        Raises:
+            ConfigurationError: it refuses their period.
+        """
         try:
             self.write_checked(od.HEARTBEAT_PRODUCER, self._heartbeat_ms)
         except (RefusedError, ConfigurationError) as error:

@@ -2,6 +2,8 @@
 
 An object's quantity is in `drivers.objects`; how large its unit is, in the axis' settings. That the
 drive means the same is checked before power: `units`.
+
+Sources: CiA 402-2, factor group 0x608F, 0x6091, 0x6092, and the units 0x60A8 to 0x60AA.
 """
 
 from __future__ import annotations

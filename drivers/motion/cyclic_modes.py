@@ -4,6 +4,8 @@ Streams in csv and cst end at 0, since nothing follows the last row. A stream en
 the acceleration limit (csv), or its force is 0 at once (cst). Forces imply neither travel nor
 velocity limits, so in cst positions are watched: an axis that is too fast, or could no longer stop
 within its travel, ends the stream.
+
+Source: CiA 402-2, modes 8, 9 and 10: 0x607A, 0x60FF and 0x6071, with the force offset 0x60B2.
 """
 
 from __future__ import annotations
@@ -105,7 +107,18 @@ class CyclicModes:
     def stream_position(
         self, position: F64, offset: F64, until: Until | None, sink: Sink | None
     ) -> Samples:
-        """Streams one row of target positions [m] and force offsets [N] per SYNC."""
+        """Streams one row of target positions and force offsets per SYNC.
+
+        Args:
+            position: float64[K, n] [m].
+            offset: float64[K, n] [N].
+            until: as for `Stage.stream`.
+            sink: gets the samples as they come.
+
+        Raises:
+            AxisFault: the stage is not enabled, or not in csp; and as `Stage.stream`.
+            LimitError: a row is beyond the limits; nothing was sent.
+        """
         channels = self._cycle.channels
         self._power.require_enabled()
         if self._power.mode is Mode.PROFILE_POSITION and _is_still(position, channels):
@@ -128,7 +141,13 @@ class CyclicModes:
         return decode_rows(rows, self._cycle.axes)
 
     def stream_velocity(self, velocity: F64, offset: F64 | None, until: Until | None) -> Samples:
-        """Streams one row of velocities [m/s] per SYNC, from rest to rest."""
+        """Streams one row of velocities per SYNC, from rest to rest.
+
+        Args:
+            velocity: float64[K, n] [m/s].
+            offset: float64[K, n] force offsets [N]; None for none.
+            until: as for `Stage.stream`.
+        """
         velocity = np.asarray(velocity, dtype=np.float64)
         channels = self._cycle.channels
         targets, offsets = checked_velocities(

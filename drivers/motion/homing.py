@@ -3,6 +3,8 @@
 Statusword bits 13 (error), 12 (attained), 10 (target reached): 0 0 0 in progress; 0 0 1 not
 started or interrupted; 0 1 0 attained, still moving; 0 1 1 done; 1 x x error. "Not started" and
 "interrupted" differ only in whether homing was in progress before.
+
+Source: CiA 402-2, mode 6: 0x6098, 0x6099, 0x609A, 0x607C.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Every RPDO also carries a target position. Until the axis is enabled it is the actual position, so
 that enabling causes no motion.
+
+Source: CiA 402-2, state machine of 0x6040 and 0x6041.
 """
 
 from __future__ import annotations
@@ -78,7 +80,11 @@ class Power:
                 channel.stand_still()
 
     def require_enabled(self) -> None:
-        """Raises an `AxisFault` where an axis is not in OPERATION ENABLED."""
+        """Checks that all axes are in OPERATION ENABLED.
+
+        Raises:
+            AxisFault: one is not.
+        """
         for channel in self.channels:
             if not channel.seen or channel.state is not State.OPERATION_ENABLED:
                 raise AxisFault("the stage is not enabled", axis=channel.axis.name)

@@ -1,4 +1,7 @@
-"""Profile position (pp): moves by the drives' own profile generators, and back to csp."""
+"""Profile position (pp): moves by the drives' own profile generators, and back to csp.
+
+Source: CiA 402-2, mode 1: 0x607A, 0x6081, 0x6083, 0x6084, and 0x6040 bits 4, 5, 6 and 8.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ class ProfilePosition:
         acceleration: float,
         relative: bool,
     ) -> None:
-        """Moves one axis to one target, or from target to target."""
+        """Moves one axis to one target [m], or from target to target, at [m/s, m/s^2]."""
         channel = self._cycle.channel(axis)
         targets = [position] if isinstance(position, int | float) else list(position)
         start = channel.position * channel.axis.increment
@@ -70,7 +73,12 @@ class ProfilePosition:
         until: Until | None,
         sink: Sink | None,
     ) -> Samples:
-        """Moves all axes to their targets at once, with a sample of every SYNC."""
+        """Moves all axes to their targets [m] at once, with a sample of every SYNC.
+
+        Raises:
+            AxisFault: the stage is not enabled, or not in pp; and as `Stage.stream_to`.
+            LimitError: a target is beyond the limits; nothing was sent.
+        """
         self._power.require_enabled()
         if self._power.mode is not Mode.PROFILE_POSITION:
             raise AxisFault("the stage is not in pp", axis=self._cycle.axes[0].name)
@@ -107,7 +115,7 @@ class ProfilePosition:
             self._cycle.exchange()
 
     def check(self, axis: str, velocity: float, acceleration: float) -> None:
-        """Checks that the drive can make such moves: its profile is written, nothing moves."""
+        """Checks that the drive can move at [m/s, m/s^2]: its profile is written, nothing moves."""
         chosen = self._cycle.channel(axis).axis
         check_profile(chosen.settings, velocity, acceleration)
         chosen.check_mode(Mode.PROFILE_POSITION)
@@ -131,7 +139,7 @@ class ProfilePosition:
 
     @contextmanager
     def moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
-        """All axes in pp, to be moved and redirected inside the block."""
+        """All axes in pp, to be moved and redirected inside the block, at [m/s, m/s^2]."""
         self._power.require_enabled()
         for axis in self._cycle.axes:
             axis.check_mode(Mode.PROFILE_POSITION)

@@ -1,4 +1,7 @@
-"""Safe stops: by process data, else by SDO, repeated where the bus refuses frames."""
+"""Safe stops: by process data, else by SDO, repeated where the bus refuses frames.
+
+Source: CiA 402-2, quick stop and disable voltage of 0x6040; option codes 0x605A to 0x605E.
+"""
 
 from __future__ import annotations
 

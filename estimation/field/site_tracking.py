@@ -14,6 +14,8 @@ The logarithm of an axis' sliding level at site i and time t is
 A Kalman filter over (w, c, c', d_1 .. d_n): the arrival cost of the next move, wherever it goes.
 A surprise at one site that neither drift nor wander explains is a step there (`change`); the same
 at the next site as well is one of the whole table, and c takes it.
+
+What it reaches: docs/figures.md, friction maps.
 """
 
 from __future__ import annotations

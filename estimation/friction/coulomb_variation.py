@@ -1,6 +1,8 @@
 """Friction along a path on which the Coulomb force differs from place to place.
 
 `variation` is the Coulomb force on the way relative to that at the move's target, minus 1.
+
+Source: the slip equation of docs/reference-stage.md, with Fc a function of the position.
 """
 
 from __future__ import annotations
@@ -44,7 +46,10 @@ def level_with_target(
 def state_after(
     friction: FrictionFigures, state: FrictionState, variation: F64, move: MoveData, period: float
 ) -> FrictionState:
-    """Friction state at the end of a move that begins in `state`; arguments as above."""
+    """Friction state at the end of a move that begins in `state`.
+
+    `variation` is float64[K], one for each sample; the rest as for `level_with_target`.
+    """
     follower = state.copy()
     if move.valid.sum() >= 3:
         _follow(friction, follower, variation, move, period)

@@ -1,4 +1,7 @@
-"""Friction force along sampled positions, with its derivatives; driven by positions, not speeds."""
+"""Friction force along sampled positions, with its derivatives; driven by positions, not speeds.
+
+Source: the equations of docs/reference-stage.md, in the displacement instead of the speed.
+"""
 
 from __future__ import annotations
 

@@ -13,6 +13,8 @@ step it falls into. C/Fc is the parameter, not C: it is what stays when Fc chang
 
 While all elements slip, each goes through the same affine map F_i <- K F_i + nu_i G: the map is
 kept instead of the elements, which are brought up to date when the motion ends.
+
+Source: docs/reference-stage.md, the plant.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ TRACE = np.dtype(
 
 @cache
 def element_shares(elements: int) -> F64:
-    """nu_i = 2i/(N(N+1)), i = 1..N: each element's share in the Coulomb force; read-only."""
+    """float64[N], nu_i = 2i/(N(N+1)): each element's share in the Coulomb force; read-only."""
     shares: F64 = 2.0 * np.arange(1, elements + 1) / (elements * (elements + 1))
     shares.flags.writeable = False
     return shares

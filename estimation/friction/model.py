@@ -1,6 +1,8 @@
 """Friction laws by name, their parameters from an axis' figures, and the friction state.
 
 Viscous friction sigma_v v is linear, the same in every law, and added by whoever uses the force.
+
+Source: docs/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Design of an axis' observer from its known figures: model, gain, limits."""
+"""Design of an axis' observer from its known figures: model, gain, limits.
+
+Source: docs/observer.md, how it works.
+"""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ that comes late as one in proportion to the jerk, a force from another axis as o
 its acceleration. A constant, a step with the motion and slopes over velocity and travel are
 friction's or something else's. Those are basis functions, as in iterative learning control; the
 moves are not repeated here: `learned_feedforward` weighs what they have in common.
+
+See docs/observer.md, what whole moves show.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ kept in groups, by direction and length, and a cause is fed forward if two group
 value explains what both lacked, and no rival explains either as well, by what the other group shows
 of it. The force per acceleration is one such cause; whether mass or motor constant
 make it, moves do not tell.
+
+See docs/observer.md, what whole moves show.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ sampled position, and through the observer back to the offset. The measured resp
 the first part, whatever it consists of; the observer is known exactly. What is asked of their
 product L needs no model of the axis: no gain up to twice the chosen one may reach instability
 (L does not cross the real axis left of -1/2), and the sensitivity stays below its bound.
+
+See docs/observer.md, measuring.
 """
 
 from __future__ import annotations
@@ -63,13 +65,13 @@ class MeasuredLoop:
 
     @property
     def drive_peaks(self) -> tuple[float, ...]:
-        """Peak sensitivity of the drive alone in each of `STATES`."""
+        """Peak sensitivity, a ratio, of the drive alone in each of `STATES`."""
         return tuple(float(np.abs(alone).max()) for _, alone in self._states)
 
     def loops(self, model: ObserverModel, gain: float, latency: int = 1) -> list[C128]:
         """The loop closed at SYNC in each of `STATES`, uncertainty included, (L,) each.
 
-        Arguments as of `margins`.
+        `gain` is the share of the error corrected per SYNC; arguments as of `margins`.
         """
         back = correction_by_deviation(model, gain, self._z) * self._z ** (1 - latency)
         return [-to_offset * back * self._doubt for to_offset, _ in self._states]

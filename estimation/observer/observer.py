@@ -1,4 +1,7 @@
-"""The observers of a stage's axes, stepped at every SYNC."""
+"""The observers of a stage's axes, stepped at every SYNC.
+
+Source: docs/observer.md, how it works.
+"""
 
 from __future__ import annotations
 

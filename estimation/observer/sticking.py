@@ -3,6 +3,8 @@
 Presliding friction is a spring: an axis at rest gives way to every change of force. Where it does
 not, there is no spring. The observer that assumes one takes for friction's pull what has to be sent
 while the axis slides, overshoots by it, and the axis sticks anew beyond its target.
+
+See docs/observer.md, when it steps back.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ class SplitHorizonEstimator:
 
     @property
     def level(self) -> float:
-        """Factor on the Coulomb force at the end of the last move, 1 + w."""
+        """The factor 1 + w on the Coulomb force at the end of the last move."""
         return 1.0 + float(self._belief.mean[LEVEL])
 
     @property
@@ -173,7 +173,7 @@ class SplitHorizonEstimator:
 
     @property
     def sigma_by_moves(self) -> dict[str, float]:
-        """As `sigma`, without what no move determines: the shape of the hysteresis."""
+        """As `sigma` (SI), without what no move determines: the shape of the hysteresis."""
         return in_own_units(self._spread(), self._start)
 
     def _spread(self) -> F64:

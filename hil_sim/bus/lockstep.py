@@ -59,7 +59,10 @@ class LockstepBus(can.BusABC):
         super().__init__(channel=channel, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; on return, everything that follows from it at this instant has happened."""
+        """Send a frame; on return, everything that follows from it at this instant has happened.
+
+        `timeout` [s] does nothing: it never waits.
+        """
         world = self.world
         if get_ident() != self._thread:
             self._raise_refusal()

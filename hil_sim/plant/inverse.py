@@ -5,6 +5,8 @@ motion, without controller or demand. There is one step per sample: friction and
 the positions, and only oscillators are integrated, in as many steps as they need. What lies between
 controller and reported force (dead time, current loop) does not show, nor does a misreading of the
 encoder, whose positions are taken for the motion.
+
+Source: docs/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

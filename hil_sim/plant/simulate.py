@@ -1,6 +1,8 @@
 """Batch simulation: the closed-loop response of a stage to whole demands, without a bus.
 
 It uses the same compiled mechanics that the virtual drives step.
+
+What it computes: docs/reference-stage.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The plant stepped in control ticks: what the virtual drives work on."""
+"""The plant stepped in control ticks: what the virtual drives work on.
+
+When what is sampled: docs/reference-stage.md, timing.
+"""
 
 from __future__ import annotations
 

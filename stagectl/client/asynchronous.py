@@ -77,7 +77,7 @@ class AsyncClient:
                 waiting.set_exception(why)
 
     async def ask(self, command: Command, timeout: float = ANSWER) -> Any:
-        """Ask for something, and return its result."""
+        """Ask for something, and return its result; wait `timeout` [s] for it."""
         number, data = self._talk.request(command)
         future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._waiting[number] = future

@@ -146,7 +146,10 @@ class Client:
                 return found
 
     def do(self, command: Command, timeout: float | None = None) -> Job:
-        """Ask for something that takes time, and wait until it has ended; errors as of `wait`."""
+        """Ask for something that takes time, and wait until it has ended, at most `timeout` [s].
+
+        Errors as of `wait`.
+        """
         return self.wait(self.begin(command), timeout)
 
     def subscribe(self, *topics: bytes) -> zmq.Socket[bytes]:

@@ -130,7 +130,7 @@ class TrackedPlaces:
         return [self._expectation(name, time) for name in self._names]
 
     def coulomb_variation(self, axis: int, path: F64) -> F64:
-        """As `sequencer.Places`."""
+        """As `sequencer.Places`: float64[K], relative, for a path float64[K, n] [m]."""
         name = self._names[axis]
         if name not in self.trackers or self._place is None:
             return np.zeros(len(path))

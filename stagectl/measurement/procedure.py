@@ -73,7 +73,7 @@ def measure_on_bus(
         agreed: as of `measure_stage`.
         measured: now.
         stop: as of `measure_stage`.
-        progress: as of `measure_stage`.
+        progress: as of `measure_stage`; takes the share done.
 
     Raises:
         UnusableInput: there is no such bus, or no axis that can be measured.

@@ -63,7 +63,7 @@ def check_scale(stage: Stage, axis: Axis, machine: Machine) -> list[Compared]:
         machine: whose axis it is: its travel and its friction.
 
     Raises:
-        LimitError: there is no room.
+        ConfigurationError: there is no room.
         DriverError: from the stage.
     """
     stage.enable()

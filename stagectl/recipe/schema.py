@@ -146,7 +146,7 @@ class NoMark:
     """No marks, no micro-moves."""
 
     def find(self, site: int, position: tuple[float, float]) -> None:
-        """No site has a mark."""
+        """No site has a mark, wherever it is [m]."""
 
 
 class FileMarks(Section):

@@ -120,7 +120,11 @@ class RunNotes:
 
 @contextmanager
 def reading_events(path: Path) -> Iterator[None]:
-    """Makes what events that are not as written raise an `UnusableInput` about their recording."""
+    """For the block that reads the events of a recording.
+
+    Raises:
+        UnusableInput: they are not as written.
+    """
     try:
         yield
     except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -103,5 +103,5 @@ def _move(result: MoveResult) -> dict[str, Any]:
 
 
 def finite(value: float | None) -> float | None:
-    """A number as JSON has it: null where it is unknown or not finite."""
+    """A number, of any unit, as JSON has it: null where it is unknown or not finite."""
     return None if value is None or not math.isfinite(value) else float(value)

@@ -19,7 +19,7 @@ from stagedata.compiled import kernel
 
 
 def element_shares(count: int) -> F64:
-    """Share nu_i = 2i/(N(N+1)) of each element in the Coulomb force, i = 1..N; they add to 1."""
+    """float64[N], nu_i = 2i/(N(N+1)): each element's share in the Coulomb force; they add to 1."""
     return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
 
 

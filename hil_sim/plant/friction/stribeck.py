@@ -1,4 +1,7 @@
-"""The Stribeck curve, which all friction laws of the simulated plant share."""
+"""The Stribeck curve, which all friction laws of the simulated plant share.
+
+Source: s(v) of docs/reference-stage.md, the plant.
+"""
 
 from __future__ import annotations
 

@@ -352,7 +352,7 @@ class AxisCompensation:
 
         Args:
             move: as sampled.
-            variation: Fc at each sample relative to that at the target, minus 1.
+            variation: float64[K], Fc at each sample relative to that at the target, minus 1.
         """
         scaled = self.estimator.state
         if scaled is None or self._departure is None:
@@ -363,7 +363,7 @@ class AxisCompensation:
     def carry_state(self, move: MoveData, variation: F64) -> None:
         """After `learn`: carry the friction state through a move with varying Coulomb force.
 
-        Arguments as in `level_with_target`.
+        Arguments as in `level_with_target`: `variation` is float64[K], relative.
         """
         departure, self._departure = self._departure, None
         if departure is None or self.mode is Mode.NONE:

@@ -43,7 +43,10 @@ class ObservedOffsets:
     def offsets(
         self, row: int, periods: int, doubt: float, channels: Sequence[Sampled]
     ) -> list[int]:
-        """The force offsets of a row; arguments as in `drivers.cyclic.OffsetCorrection`."""
+        """The force offsets of a row [1/1000 of the rated force].
+
+        Arguments as in `drivers.cyclic.OffsetCorrection`.
+        """
         for values, channel in zip(self._rows, channels, strict=True):
             values[0], values[1] = channel.position, channel.force
             values[2], values[3] = channel.valid, channel.arrival
