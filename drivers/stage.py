@@ -10,6 +10,7 @@ its SYNCs.
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Concatenate, ParamSpec, TypeVar
@@ -104,6 +105,10 @@ class Stage:
         self._network.send_message(can_id, data)
         if not known:
             self._network.own_ids.discard(can_id)
+
+    def own_bus(self) -> None:
+        """Has this thread alone use the bus; objects that other threads access wait for it."""
+        self._network.owner = threading.get_ident()
 
     @property
     def ending(self) -> bool:

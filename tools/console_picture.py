@@ -78,7 +78,8 @@ def main() -> None:
             page.wait_for_selector(f".now >> text=: {SITES_DONE} of")
             page.screenshot(path=asked.out)
             page.keyboard.press("Escape")
-            page.wait_for_selector(".now[data-state=disabled]")
+            page.click("nav a[href='#run']")
+            page.wait_for_selector("text=Last run")  # else its server would go on
             browser.close()
     print(asked.out)
 

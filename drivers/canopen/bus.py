@@ -106,6 +106,7 @@ class Network(canopen.Network):
         watchers: called about every 25 ms with the time [ns], for deadlines.
         service_due: when `service` has to be called next [ns].
         lock: held by the thread that sends and receives.
+        owner: the thread (`threading.get_ident`) that alone sends and receives, or None.
         dispatching: the thread (`threading.get_ident`) that is running a received frame's
             callbacks, which must not wait for another frame; or None.
     """
@@ -122,6 +123,7 @@ class Network(canopen.Network):
         self.other_host = OtherHost(may_echo(bus))
         self.watchers: list[Callable[[int], None]] = []
         self.lock = threading.RLock()
+        self.owner: int | None = None
         self.dispatching: int | None = None
         self._beat_due = self.service_due = self._opened = self.clock.now_ns()
 

@@ -10,6 +10,7 @@ after this answer no late one can follow.
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,8 +25,9 @@ from drivers.errors import BusError, DriverError
 TIMEOUT = 0.4
 """For each answer [s]."""
 _FENCES = ((0x1000, 0), (0x1001, 0), (0x1018, 0), (0x1018, 1))
-_POLL = 0.005
-"""Interval at which a thread checks whether the bus has become free [s]."""
+_POLL, _POLLS = 0.005, 1000
+"""Interval at which a thread checks whether the bus has become free [s], and how often it does
+before it gives up on a thread that has the bus for itself."""
 
 
 @dataclass(slots=True, eq=False)
@@ -129,6 +131,8 @@ class SdoChannel:
             )
         with self._lock:
             self._waiting.append(job)
+        if network.owner not in (None, threading.get_ident()):
+            self._wait_for_owner(job)
         while not job.done:
             # another thread that has the bus takes the job up, or releases the bus
             if not network.lock.acquire(timeout=_POLL):
@@ -142,6 +146,17 @@ class SdoChannel:
         if job.error is not None:
             raise job.error
         return job.result
+
+    def _wait_for_owner(self, job: _Job) -> None:
+        for _ in range(_POLLS):
+            if job.done:
+                return
+            time.sleep(_POLL)
+        with self._lock:
+            if job in self._waiting:
+                self._waiting.remove(job)
+        if not job.done:
+            raise SdoCommunicationError("the thread that has the bus does not use it")
 
     def _drive(self, job: _Job) -> None:
         network = self._network

@@ -152,6 +152,7 @@ class StageKeeper(threading.Thread):
     def _keep(self, bus: BusSettings) -> None:
         """Keep the stage until the end, or until something needs the bus alone."""
         with Stage.open(bus, self._axes) as stage:
+            stage.own_bus()
             stage.sink = self._handover.sample
             stage.tap, self._handover.send = self._handover.frame, stage.send_frame
             self.doing, self.what = "booting", "booting the drives"

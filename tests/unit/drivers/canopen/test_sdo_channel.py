@@ -112,6 +112,34 @@ def test_an_access_of_another_thread_waits_for_the_callback(scripted, peer):
     assert got == [struct.pack("<I", 1)]
 
 
+def test_only_the_owner_of_a_bus_uses_it(scripted, peer, monkeypatch):
+    network = Network(scripted, "scripted")
+    channel = SdoChannel(network, 5)
+    network.owner = threading.get_ident()
+    got = []
+
+    def read():
+        try:
+            got.append(channel.upload(0x6064, 0))
+        except SdoCommunicationError as silent:
+            got.append(str(silent))
+
+    other = threading.Thread(target=read)
+    other.start()
+    other.join(0.1)
+    assert (got, peer.reads) == ([], [])  # waits, though the bus is free
+    while other.is_alive():
+        network.pump(0.05)
+    assert got.pop() == struct.pack("<I", 1)
+    monkeypatch.setattr("drivers.canopen.sdo_channel._POLLS", 3)
+    other = threading.Thread(target=read)
+    other.start()
+    other.join(10)  # the owner does nothing
+    assert "does not use it" in got[0]
+    network.pump(0.1)
+    assert peer.reads == [(0x6064, 0)]
+
+
 def test_threads_share_a_channel_each_with_its_own_answers(pair):
     """Four threads read and write one node of a bus in real time; every answer is the right one."""
     ours, theirs = pair
