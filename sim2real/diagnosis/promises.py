@@ -40,42 +40,47 @@ class Promises:
         named: what the named effects leave of held-out moves; by the machine file without any.
         forces: descriptions of what no effect explains, that a twin gets.
         twin: what names and descriptions leave.
+        folds: the models that predict the moves of each of `GROUPS`.
+        models: of the names, fitted to all moves.
     """
 
     named: Remaining
     forces: tuple[EmpiricalForce, ...]
     twin: Remaining
+    folds: Sequence[Models]
+    models: Models
 
 
-def promise(
-    examined: Examination,
-    held_out: HeldOut,
-    models: Models,
-    causes: Sequence[Cause],
-    unlisted: Sequence[Unlisted],
-    *,
-    describe: bool,
-) -> Promises:
-    """Predict held-out moves by the effects named, and by the twin.
+def promise(held_out: HeldOut, models: Models, causes: Sequence[Cause]) -> Promises:
+    """Predict held-out moves by the effects named.
 
     Args:
-        examined: the recordings.
         held_out: models fitted to all moves but a fold's, and what they leave.
         models: of the twin: figures as it has them, all effects fitted.
         causes: that are named.
-        unlisted: coordinates that missing forces depend on.
-        describe: whether to describe what no effect explains.
     """
     folds = [
         _as_twin(only_causes(held_out.folds[group % FOLDS], causes), models) if causes else {}
         for group in range(GROUPS)
     ]
-    left = named = held_out.leaves(folds[:FOLDS])
-    forces = []
-    twin = only_causes(models, causes) if causes else {}
-    samples = held_out.samples
+    left = held_out.leaves(folds[:FOLDS])
+    return Promises(left, (), left, folds, only_causes(models, causes) if causes else {})
+
+
+def describe_rest(
+    promised: Promises, examined: Examination, held_out: HeldOut, unlisted: Sequence[Unlisted]
+) -> Promises:
+    """Predict held-out moves by the twin: with descriptions of what the named effects leave.
+
+    Args:
+        promised: by the names alone.
+        examined: the recordings.
+        held_out: as of `promise`.
+        unlisted: coordinates that missing forces depend on.
+    """
+    left, folds, samples, forces = promised.twin, promised.folds, held_out.samples, []
     gap = combined_energy(held_out.before, samples) - held_out.before.shape[1]
-    for candidates in _describe(examined, twin, unlisted) if describe else ():
+    for candidates in _describe(examined, promised.models, unlisted):
         tried = [t for each in candidates if (t := _try_beside(held_out, folds, each)) is not None]
         if not tried:
             continue
@@ -85,7 +90,7 @@ def promise(
         if fall > _LITTLE * gap and interval is not None and interval[0] > 0.0:
             left, folds = after, beside
             forces.append(force)
-    return Promises(named, tuple(forces), left)
+    return replace(promised, forces=tuple(forces), twin=left, folds=folds)
 
 
 def _try_beside(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
@@ -19,6 +18,7 @@ from sim2real.diagnosis.examination import OTHER_CONTROLLER, Examination, report
 from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.diagnosis.promises import (
     are_alike,
+    describe_rest,
     only_causes,
     promise,
     share_promised,
@@ -117,13 +117,12 @@ def conclude(
     whole = is_whole_model and all(result.is_complete for result in results.values())
     models, changes = _twin_models(examined, results, causes)
     unlisted = _unlisted(results)
-    predict = partial(promise, examined, held_out, models, causes, unlisted)
-    promised = predict(describe=False)
+    promised = promise(held_out, models, causes)
     alike = are_alike(examined)
     share, interval = share_promised(held_out, promised.named, alike=alike)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
-        promised = predict(describe=True)
+        promised = describe_rest(promised, examined, held_out, unlisted)
     plain = report_without_causes(examined)
     report = replace(
         plain,
@@ -220,7 +219,7 @@ def _gather(
     causes, candidates, confusable = [], [], []
     for result in results.values():
         causes_here: list[Cause] = []
-        if not result.unlisted and (result.free is None or result.free.names_causes()):
+        if result.free is None or result.free.names_causes():
             causes_here, alike = find_causes(
                 result, held_out, along_motion=examined.open_loop is not None
             )
