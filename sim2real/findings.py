@@ -190,7 +190,7 @@ class Unlisted:
         alike: coordinates that these recordings cannot tell from it.
         probability: that it is the right one.
         gap_closed: share of the axis' gap in force along the motion that the curve closes on
-            held-out moves.
+            held-out moves; beside causes, of what these leave.
         gap_closed_interval: 95 % interval of it.
         curve: the force. Over position_direction it is that of forward motion; over reversal_path
             the force after a full reversal; over frequency amplitudes of oscillators driven by the

@@ -51,6 +51,7 @@ class AxisResult:
         scanned: effect -> its best candidate in the first scan.
         scatter: of figures over stages, over what the covariance gives.
         unlisted: coordinates that a force depends on which no effect of the library has.
+        doubted: effects that are not needed beside a curve over that coordinate.
     """
 
     axis: AxisSettings
@@ -65,6 +66,7 @@ class AxisResult:
     scanned: Mapping[str, Candidate] = field(default_factory=dict)
     scatter: float = 1.0
     unlisted: Sequence[Unlisted] = ()
+    doubted: Sequence[str] = ()
 
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place."""

@@ -99,9 +99,10 @@ def _largest_probability(
     Without doubts it is 1, or `UNCERTAIN` where the model leaves structure. Doubt arises from a
     size that may be zero by its sigma, and from implausible values (unless the effect alone
     explains the axis completely). What the fit needs is doubted for both only. What gives back
-    nothing of the gap when it is removed, by the interval over moves, is always doubted.
+    nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
+    what is not needed beside a curve.
     """
-    if given_back[0] <= 0.0:
+    if given_back[0] <= 0.0 or term.name in result.doubted:
         return DOUBTED
     axis = result.axis
     alone = result.is_complete and len(result.best.model.terms) == 1

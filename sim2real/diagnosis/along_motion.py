@@ -90,11 +90,14 @@ def search_along_motion(
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
     best = search.best
     covariance = move_covariance(loop, best)
+    doubted: Sequence[str] = ()
     unlisted: tuple[Unlisted, ...] = ()
     if search.open_gap > OPEN * FLOOR_LEVEL:
         rivals = find_rivals(Screen(loop))
-        if not (search.names_causes() and rivals.leave_names([best.model])):
-            unlisted = rivals.unlisted(loop.name)
+        if search.names_causes() and rivals.leave_names([best.model]):
+            doubted, unlisted = rivals.beside(best.model)
+        else:
+            doubted, unlisted = best.model.names(), rivals.unlisted(loop.name)
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
@@ -103,6 +106,7 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
         is_complete=search.is_near_floor(),
         free=search,
         unlisted=unlisted,
+        doubted=doubted,
     )
 
 

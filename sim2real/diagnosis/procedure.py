@@ -158,7 +158,8 @@ class _StageSearch:
         if search.is_complete and len(search.best.model.terms) < 2:
             return search
         first = [alternative.model for alternative in search.alternatives]
-        if self._is_curve(name, [search.best.model, *first[:FITTED]]):
+        near = [] if search.is_complete else first[:FITTED]
+        if self._is_curve(name, [search.best.model, *near]):
             rivals = self._rivals(name)
             # Those of transmissions have not been tried so far.
             transmitted = [e for n, e in self._all.items() if n not in self._library]
@@ -170,9 +171,10 @@ class _StageSearch:
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
         rivals = self._rivals(name)
-        if rivals.leave_names([found.best.model]):
-            return found
-        return found.without_names(rivals.unlisted(name))
+        if not rivals.leave_names([found.best.model]):
+            return found.without_names(rivals.unlisted(name))
+        doubted, unlisted = rivals.beside(found.best.model)
+        return replace(found, doubted=doubted, unlisted=unlisted)
 
     def _is_curve(self, name: str, models: Sequence[AxisModel]) -> bool:
         """Whether a curve explains nearly all of an axis, and better than these models."""

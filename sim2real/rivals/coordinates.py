@@ -1,10 +1,11 @@
 """Coordinates of the motion that a force may depend on, and the columns that fit a curve over each.
 
-A curve is linear between nodes. A force over position that changes sign with the direction is
-friction: like sliding friction it follows its level with the time constant Fc/C, so at speed it
-lags. A force over the path since the last reversal is a sum of stop operators (Prandtl), each of
-which is proportional to the path up to its width. What the library calls dynamics is a bank of
-oscillators driven by the acceleration.
+A curve is linear between nodes. A force that changes sign with the direction is friction: it grows
+after a reversal and at low speed as that of the machine file does. Over position it follows its
+level with the time constant Fc/C, so at speed it lags. The path since the last reversal has a sum
+of stop operators (Prandtl), each of which is proportional to the path up to its width. What the
+library calls dynamics is a bank of oscillators driven by the acceleration. A force over time that
+changes within a move predicts the next one only as a wave, whose frequency may rise steadily.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from sim2real.filters import filtered
 from sim2real.open_loop import Motion
-from stagedata import F64
+from stagedata import F64, BoolArray
 from stagedata.compiled import kernel
 
 _PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
@@ -25,12 +26,24 @@ _PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
 _MOST_PLACES = 800
 _SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
 """Nodes over velocity, acceleration and force on each side of zero, in shares of the largest."""
+_SPEED = ("velocity", "force", "acceleration")
 _OTHER_SIDE = 1e-3
 """Least reach of the nodes on one side of zero, as a share of that on the other."""
 _PATHS = (2e-5, 1e-4, 4e-4, 1.5e-3, 5e-3, 1.5e-2, 5e-2)
 """Widths of stop operators [m]."""
 _TIMES, _SPAN = 24, 0.25
 """Most nodes over time, and their smallest distance [s]."""
+_WAVES, _WAVES_OF_FRICTION = 120.0, 20.0
+"""Highest frequency of a force over time that is a wave, and of friction over time [Hz]."""
+_RISE, _RATES = 8.0, 500
+"""Fastest rise or fall of a force's frequency [Hz/s], and rates that are tried of each."""
+_PADDED, _FINE = 4, 5
+"""Lines of the search for a wave per line of the spectrum, and tries between lines."""
+_HARMONICS = 2
+_MOST_SAMPLES = 100_000
+"""Samples up to which waves are sought: their phase has to hold throughout."""
+_DRAWN, _MOST_DRAWN = 16, 4000
+"""Points of a wave's curve per period, and at most."""
 _FREQUENCIES, _DAMPING = (4.0, 6.0, 9.0, 13.0, 20.0, 30.0, 45.0, 68.0, 100.0), 0.1
 """Oscillators of the bank [Hz] and their damping ratio."""
 _SLIDING = 1e-4
@@ -44,8 +57,8 @@ class Coordinate:
     Attributes:
         over: as `unlisted` of a report calls it.
         along: quantity of the motion that the nodes are of.
-        times: what the curve is multiplied by: "" for nothing, "friction" for the lagged sign of
-            the velocity, "force" for the motor force over its rms.
+        times: what the curve is multiplied by: "" for nothing, "friction" for the friction that a
+            Coulomb force of 1 N makes, "force" for the motor force over its rms.
         step: between nodes over position [m].
     """
 
@@ -57,7 +70,7 @@ class Coordinate:
     @property
     def is_curve(self) -> bool:
         """Whether neighbouring heights belong together; else each column stands for itself."""
-        return self.along not in ("path", "oscillators", "other_motion")
+        return self.along in (*_SPEED, "position", "other_position", "time")
 
 
 COORDINATES = (
@@ -75,6 +88,8 @@ COORDINATES = (
     Coordinate("other_axis", "other_motion"),
     Coordinate("frequency", "oscillators"),
 )
+WAVES = (Coordinate("time", "wave"), Coordinate("time", "wave", "friction"))
+"""Forces over time that change within a move: a later one shows them only if they repeat."""
 NARROW = tuple(
     Coordinate(over, "position", times, step)
     for step in _NARROW
@@ -88,7 +103,8 @@ class Course:
     """What one axis does in one recording of P samples.
 
     Attributes:
-        quantities: by name, float64[P]: position [m], velocity, acceleration, force [N], time [s].
+        quantities: by name, float64[P]: position [m], velocity, acceleration, force [N], time [s],
+            friction (of a Coulomb force of 1 N) [N].
         other: velocity and acceleration of the other axis, float64[P, 2]; None where there is none.
         relaxed: share of the friction's level that is kept from one sample to the next.
         period: of the samples [s].
@@ -101,19 +117,22 @@ class Course:
 
 
 def courses(
-    name: str, motions: Sequence[Motion], forces: Sequence[F64], relaxation_rate: float
+    name: str,
+    motions: Sequence[Motion],
+    forces: Sequence[tuple[F64, F64]],
+    relaxation_rate: float,
 ) -> list[Course]:
     """The courses of an axis in all recordings.
 
     Args:
         name: of the axis.
         motions: of the recordings.
-        forces: that these take by the machine file, float64[P] each [N]. Not as measured: over its
-            own noise any force is a curve.
+        forces: that these take by the machine file, and what a Coulomb force of 1 N adds to them,
+            float64[P] each [N]. Not as measured: over its own noise any force is a curve.
         relaxation_rate: C/Fc of its friction [1/s].
     """
     found = []
-    for motion, force in zip(motions, forces, strict=True):
+    for motion, (force, friction) in zip(motions, forces, strict=True):
         own = motion.axes[name]
         others = [axis for other, axis in motion.axes.items() if other != name]
         quantities: dict[str, F64] = {
@@ -121,6 +140,7 @@ def courses(
             "velocity": own.velocity,
             "acceleration": own.acceleration,
             "force": force,
+            "friction": friction,
             "time": motion.start + motion.period * np.arange(float(len(own.position))),
         }
         other = None
@@ -167,12 +187,15 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
         return _oscillations(course.quantities["acceleration"], at, course.period)
     if coordinate.along == "other_motion" and course.other is not None:
         return course.other
-    over = _hats(course.quantities[coordinate.along], at)
-    if coordinate.along in ("velocity", "force", "acceleration"):
+    if coordinate.along == "wave":
+        over = _waves(course.quantities["time"], at)
+    else:
+        over = _hats(course.quantities[coordinate.along], at)
+    if coordinate.along in _SPEED:
         over = np.delete(over, len(at) // 2, axis=1)  # 0 at 0: that is a constant force
     if coordinate.times == "friction":
-        velocity = course.quantities["velocity"]
-        over = np.sign(velocity)[:, None] * _lagged(over, velocity, course.relaxed)
+        velocity, friction = course.quantities["velocity"], course.quantities["friction"]
+        over = friction[:, None] * _lagged(over, velocity, course.relaxed)
     elif coordinate.times == "force":
         force = course.quantities["force"]
         over = over * (force / max(float(np.std(force)), 1e-12))[:, None]
@@ -194,6 +217,12 @@ def as_curve(
         path = np.append(0.0, 2.0 * at)
         share = np.clip(path[:, None] / at - 1.0, -1.0, 1.0)
         return coordinate, path, share @ heights, np.sqrt(share**2 @ sigma**2)
+    if coordinate.along == "wave":
+        low, high, frequency, rate = at
+        cycles = (high - low) * (frequency + 0.5 * abs(rate) * (high - low))
+        times = np.linspace(low, high, int(min(_DRAWN * cycles + _DRAWN, _MOST_DRAWN)))
+        over = _waves(times, at)
+        return coordinate, times, over @ heights, np.sqrt(over**2 @ sigma**2)
     if coordinate.along == "oscillators":  # deflection and rate together
         both = heights.reshape(-1, 2), sigma.reshape(-1, 2)
         return coordinate, at, *(np.hypot(*part.T) for part in both)
@@ -203,6 +232,73 @@ def as_curve(
     if coordinate.along == "force":  # what is missing is part of the measured force
         return coordinate, at + heights, heights, sigma
     return coordinate, at, heights, sigma
+
+
+def find_wave(
+    coordinate: Coordinate, found: Sequence[Course], used: Sequence[BoolArray], force: F64
+) -> F64 | None:
+    """Start and end [s], frequency [Hz] and its rise [Hz/s] of the wave that takes most of a force.
+
+    A linear rise is taken out first (dechirping), then the highest line of the spectrum counts.
+
+    Args:
+        coordinate: over time, as one of `WAVES`.
+        found: courses of all recordings.
+        used: samples in them that have a force, bool[P] each.
+        force: at these, float64[R] [N].
+
+    Returns:
+        float64[4]; None where the samples are too slow.
+    """
+    period = found[0].period
+    times = np.concatenate([c.quantities["time"][own] for c, own in zip(found, used, strict=True)])
+    low, high = float(times.min()), float(times.max())
+    extent = high - low
+    top = min(_WAVES_OF_FRICTION if coordinate.times else _WAVES, 0.2 / period)
+    count = round(extent / period) + 1
+    if top * extent < _PADDED or count > _MOST_SAMPLES:
+        return None
+    if coordinate.times:
+        level = [c.quantities["friction"][own] for c, own in zip(found, used, strict=True)]
+        force = force * np.concatenate(level)
+    series = np.zeros(count)
+    np.add.at(series, np.round((times - low) / period).astype(np.int64), force)
+    clock = period * np.arange(count)
+    step = 2.0 / extent**2
+    most = 0 if coordinate.times else min(_RATES, int(_RISE / step))
+    lines = round(top * extent * _PADDED)
+
+    def power(rate: float) -> F64:
+        turned = series * np.exp(-1j * math.pi * rate * clock**2) if rate else series
+        spectrum = np.fft.fft(turned, _PADDED * count)
+        return np.asarray(np.abs(spectrum[_PADDED : lines + 1]))
+
+    rates = step * np.arange(-most, most + 1)
+    highest = np.array([power(rate).max() for rate in rates])
+    rate = float(rates[highest.argmax()])
+    frequency = (_PADDED + int(power(rate).argmax())) / (_PADDED * count * period)
+    tries = np.linspace(-1.0, 1.0, 2 * _FINE + 1)
+
+    def at(frequency: float, rate: float) -> float:
+        angle = 2.0 * math.pi * (frequency * clock + 0.5 * rate * clock**2)
+        return float(np.hypot(series @ np.cos(angle), series @ np.sin(angle)))
+
+    near = [
+        (frequency + f / (_PADDED * extent), rate + (r * step if most else 0.0))
+        for f in tries
+        for r in (tries if most else (0.0,))
+    ]
+    frequency, rate = max(near, key=lambda each: at(*each))
+    return np.array([low, high, frequency, rate])
+
+
+def _waves(times: F64, at: F64) -> F64:
+    """Sine and cosine of a wave and of its harmonics, float64[P, 2 `_HARMONICS`]."""
+    low, _, frequency, rate = at
+    since = times - low
+    angle = 2.0 * math.pi * (frequency * since + 0.5 * rate * since**2)
+    order = angle[:, None] * np.arange(1.0, _HARMONICS + 1.0)
+    return np.column_stack((np.sin(order), np.cos(order)))
 
 
 def _hats(values: F64, at: F64) -> F64:

@@ -3,7 +3,8 @@
 Effects keep their names where no curve over one coordinate predicts other moves better: where their
 prediction is within one standard error over blocks of moves of the best curve's, or loses less than
 a fiftieth of the gap. Several effects that show along the motion have to predict clearly better
-than one curve.
+than one curve. Where a curve beside the effects predicts clearly better than these alone, those
+keep their names that are needed beside it.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim2real.findings import ForceCurve, Unlisted
-from sim2real.fitting import AxisModel
+from sim2real.fitting import STEP, AxisModel, coordinates
 from sim2real.held_out import share_closed
-from sim2real.rivals.coordinates import COORDINATES, NARROW
-from sim2real.rivals.screen import Curve, Prediction, Screen
-from sim2real.scoring.constants import SURE_COORDINATE
+from sim2real.rivals.coordinates import COORDINATES, NARROW, WAVES, Coordinate
+from sim2real.rivals.screen import Curve, Linear, Prediction, Screen
+from sim2real.scoring.constants import NEAR, SURE_COORDINATE
 
 _LITTLE, _MUCH = 0.02, 0.2
 """Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
@@ -39,15 +40,25 @@ class Rivals:
     Attributes:
         screen: that fitted them.
         curves: the best one over each coordinate.
+        alone: what effects predict that the curves were fitted beside; None without any.
     """
 
     screen: Screen
     curves: Sequence[Curve]
+    alone: Prediction | None = None
+
+    @property
+    def opened(self) -> Prediction:
+        """What the curves have to improve on."""
+        return self.alone or self.screen.open
 
     @property
     def best(self) -> Curve | None:
         """The curve that predicts other moves best, where it closes most of the gap."""
-        closing = [c for c in self.curves if self.screen.closed(c.prediction) >= _MOST]
+        above = max(self.opened.energy - self.screen.floor, 1e-9)
+        closing = [
+            c for c in self.curves if self.opened.energy - c.prediction.energy >= _MOST * above
+        ]
         return closing[0] if closing else None
 
     def leave_names(self, models: Sequence[AxisModel]) -> bool:
@@ -62,12 +73,44 @@ class Rivals:
             excess, error = _compare(prediction, best.prediction)
             # Noise that a curve happens to follow is no reason to take a name away.
             excess += min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess <= self._margin(error) and (
-                excess < -error
-                or count_shown(self.screen, model, prediction, self._margin(error)) < 2
+            margin = self.margin(error)
+            if excess < -margin or (
+                excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True
         return False
+
+    def beside(self, model: AxisModel) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
+        """Effects of a model that are not needed beside the best curve, and that curve.
+
+        Nothing of either where the model leaves little, or no curve beside it closes most of that.
+        """
+        found, dropped = self._beside(model), list[str]()
+        best = None if found is None else found.best
+        if found is None or best is None:
+            return (), ()
+        while model.terms:
+            tried = []
+            for index in range(len(model.terms)):
+                rest = self.screen.linear(model.without(index))
+                curve = None if rest is None else self.screen.curve(best.coordinate, rest)
+                if curve is not None:
+                    tried.append((*_compare(curve.prediction, best.prediction), index))
+            loss, error, index = min(tried, default=(math.inf, 0.0, 0))
+            if loss > found.margin(error):
+                break
+            dropped.append(model.terms[index].name)
+            model = model.without(index)
+        found = self._beside(model) if dropped else found
+        return tuple(dropped), () if found is None else found.unlisted(self.screen.loop.name)
+
+    def _beside(self, model: AxisModel) -> Rivals | None:
+        """The curves beside a model; None where it cannot be simulated, or leaves little."""
+        linear = self.screen.linear(model)
+        alone = None if linear is None else self.screen.predict(linear)
+        if alone is None or alone.energy <= NEAR * self.screen.floor:
+            return None
+        return Rivals(self.screen, _curves(self.screen, COORDINATES, linear), alone)
 
     def unlisted(self, axis: str) -> tuple[Unlisted, ...]:
         """The coordinate that the force depends on, and those that could take its place."""
@@ -77,13 +120,12 @@ class Rivals:
         odds, alike = [], []
         for curve in self.curves:
             excess, error = _compare(curve.prediction, best.prediction)
-            odds.append(math.exp(-0.5 * (excess / max(self._margin(error), 1e-9)) ** 2))
-            if curve is not best and excess <= self._margin(error):
+            odds.append(math.exp(-0.5 * (excess / max(self.margin(error), 1e-9)) ** 2))
+            if curve is not best and excess <= self.margin(error):
                 alike.append(curve.coordinate.over)
         samples = np.bincount(self.screen.blocks, minlength=len(best.prediction.energies))
         opened, left = (
-            energies[:, None] / 2.0
-            for energies in (self.screen.open.energies, best.prediction.energies)
+            energies[:, None] / 2.0 for energies in (self.opened.energies, best.prediction.energies)
         )
         moved = samples > 0
         share, interval = share_closed(
@@ -99,9 +141,9 @@ class Rivals:
         found = Unlisted(axis, over, tuple(alike), probability, share, interval, force, times)
         return (found,)
 
-    def _margin(self, error: float) -> float:
+    def margin(self, error: float) -> float:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
-        gap = max(self.screen.open.energy - self.screen.floor, 0.0)
+        gap = max(self.opened.energy - self.screen.floor, 0.0)
         return min(max(error, _LITTLE * gap), _MUCH * gap)
 
 
@@ -109,7 +151,7 @@ def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: flo
     """Number of effects of a model without which it predicts worse by more than a margin.
 
     Those within the control loop do not show along a motion, nor does a mass beside what goes with
-    acceleration.
+    acceleration. The plant's figures stay, for some would take the place of an effect of theirs.
 
     Args:
         screen: the axis.
@@ -117,8 +159,14 @@ def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: flo
         whole: what it predicts.
         margin: energy.
     """
-    fewer = [screen.model(model.without(index)) for index in range(len(model.terms))]
-    return sum(each is None or each.energy - whole.energy > margin for each in fewer)
+    effects = sum(len(coordinates(term.effect, screen.loop.axis)) for term in model.terms)
+    figures = whole.values[effects : effects + STEP]
+    shown = 0
+    for index in range(len(model.terms)):
+        fewer = screen.linear(model.without(index))
+        left = None if fewer is None else screen.predict(fewer.with_figures(figures))
+        shown += left is None or left.energy - whole.energy > margin
+    return shown
 
 
 def find_rivals(screen: Screen) -> Rivals:
@@ -128,14 +176,30 @@ def find_rivals(screen: Screen) -> Rivals:
     """
     if screen.samples < _FEWEST:
         return Rivals(screen, ())
-    curves = [c for c in map(screen.curve, COORDINATES) if c is not None]
-    best = min(curves, key=lambda c: c.prediction.energy)
-    if best.coordinate.over.startswith("position") or screen.closed(best.prediction) < _MOST:
-        curves += [c for c in map(screen.curve, NARROW) if c is not None]
+    curves = _curves(screen, COORDINATES)
+    if screen.closed(curves[0].prediction) < _MOST:
+        curves = _ranked([*curves, *_curves(screen, WAVES)])
+    if curves[0].coordinate.over.startswith("position") or (
+        screen.closed(curves[0].prediction) < _MOST
+    ):
+        curves = _ranked([*curves, *_curves(screen, NARROW)])
+    return Rivals(screen, curves)
+
+
+def _curves(
+    screen: Screen, over: Sequence[Coordinate], beside: Linear | None = None
+) -> list[Curve]:
+    """The best curve over each coordinate, best first."""
+    fitted = [screen.curve(coordinate, beside) for coordinate in over]
+    return _ranked([curve for curve in fitted if curve is not None])
+
+
+def _ranked(curves: Sequence[Curve]) -> list[Curve]:
+    """The best curve over each coordinate, best first."""
     ranked: dict[str, Curve] = {}
     for curve in sorted(curves, key=lambda c: c.prediction.energy):
         ranked.setdefault(curve.coordinate.over, curve)
-    return Rivals(screen, tuple(ranked.values()))
+    return list(ranked.values())
 
 
 def _compare(one: Prediction, other: Prediction) -> tuple[float, float]:

@@ -9,23 +9,26 @@ an instant, and within a SYNC period it is not constant.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.fitting import STEP, AxisModel
+from hil_sim.plant import force_variants
+from sim2real.fitting import MAX_SIGMAS, STEP, AxisModel, with_figures
 from sim2real.free_loop import derivatives
 from sim2real.held_out import FOLDS
 from sim2real.open_loop import MotionLoop
-from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, nodes
+from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, find_wave, nodes
 from stagedata import F64
 
 GROUPS = 2 * FOLDS
 """Groups of moves, there and back together; each belongs to one fold."""
 _SMOOTH = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Weights of the penalty on second differences that are tried."""
+_MORE = 0.01
+"""Share of the Coulomb force that is added to see what it does."""
 _LITTLE = 1e-6
 """Weight of the penalty on every height, which keeps what was hardly passed at 0."""
 
@@ -50,6 +53,28 @@ class Prediction:
     def energy(self) -> float:
         """Of all moves."""
         return float(self.energies.sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """A model of the library, linearised.
+
+    Attributes:
+        residual: what it leaves of the force over the floor, float64[R].
+        figures: derivatives by the plant's figures in sigmas, float64[R, F].
+        effects: derivatives by the coordinates of its effects, float64[R, n].
+        moved: sigmas that the figures are off the machine file's, float64[F].
+    """
+
+    residual: F64
+    figures: F64
+    effects: F64
+    moved: F64
+
+    def with_figures(self, moved: F64) -> Linear:
+        """The same with the plant's figures moved by so many sigmas, float64[F], and fixed."""
+        none = np.empty((len(self.residual), 0))
+        return Linear(self.residual + self.figures @ moved, none, self.effects, np.empty(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +106,8 @@ class Screen:
     def __init__(self, loop: MotionLoop) -> None:
         self.loop = loop
         name, motions = loop.name, loop.motions
-        forces = [loop.respond_jointly(n, loop.axis)[1] for n in range(len(motions))]
+        numbers = range(len(motions))
+        forces = [(loop.respond_jointly(n, loop.axis)[1], self._friction(n)) for n in numbers]
         self._courses = courses(name, motions, forces, loop.axis.friction.relaxation_rate)
         self._used = [motion.axes[name].usable for motion in motions]
         counts = [int(used.sum()) for used in self._used]
@@ -92,19 +118,20 @@ class Screen:
         self._group = loop.pair[self._block] % GROUPS
         self._start = loop.residual(loop.start)
         self._residual = self._start[self._force]
+        self._floors = np.repeat(self._scale, counts)
         rates = [self._sampling(number) for number in range(len(motions))]
         self._beside = np.concatenate(rates)
 
     @cached_property
     def open(self) -> Prediction:
         """The machine file's figures within their tolerance, and no curve."""
-        return self._predict(np.empty((len(self._residual), 0)), self._residual, [np.empty((0, 0))])
+        return self.predict(self._plain)
 
     @cached_property
-    def _base(self) -> F64:
-        """Derivatives by the plant's figures in sigmas, float64[R, STEP]."""
-        slopes = derivatives(self.loop, self.loop.start, self._start, range(STEP))
-        return np.asarray(slopes[self._force])
+    def _plain(self) -> Linear:
+        """The machine file."""
+        slopes = derivatives(self.loop, self.loop.start, self._start, range(STEP))[self._force]
+        return Linear(self._residual, slopes, np.empty((len(slopes), 0)), np.zeros(STEP))
 
     @property
     def samples(self) -> float:
@@ -126,20 +153,28 @@ class Screen:
         above = max(self.open.energy - self.floor, 1e-9)
         return (self.open.energy - prediction.energy) / above
 
-    def curve(self, coordinate: Coordinate) -> Curve | None:
-        """The curve over a coordinate; None where the recordings do not cover it."""
+    def curve(self, coordinate: Coordinate, beside: Linear | None = None) -> Curve | None:
+        """The curve over a coordinate; None where the recordings do not cover it.
+
+        Args:
+            coordinate: of the motion.
+            beside: a library model that the curve is fitted beside; None: the machine file.
+        """
         at = self.nodes(coordinate)
         if at is None:
             return None
         over = self.columns(coordinate, at)
         size = over.shape[1]
-        penalty = bending(size if coordinate.is_curve else 0, size)
+        both = over if beside is None else np.column_stack((over, beside.effects))
+        penalty = bending(size if coordinate.is_curve else 0, both.shape[1])
         tried = _SMOOTH if coordinate.is_curve else _SMOOTH[:1]
-        best = self._predict(over, self._residual, [weight * penalty for weight in tried])
+        best = self._predict(both, [weight * penalty for weight in tried], beside)
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
 
     def nodes(self, coordinate: Coordinate) -> F64 | None:
         """Nodes of a curve, float64[n]; None where the recordings do not cover its coordinate."""
+        if coordinate.along == "wave":
+            return self._wave(coordinate)
         return nodes(coordinate, self._courses)
 
     def extent(self, quantity: str) -> tuple[float, float]:
@@ -161,22 +196,39 @@ class Screen:
             penalty: on their bends, float64[n, n].
         """
         none = np.empty((len(self._residual), 0))
-        return self._predict(over, self._residual, [w * penalty for w in _SMOOTH], none)
+        fixed = Linear(self._residual, none, none, np.empty(0))
+        return self._predict(over, [w * penalty for w in _SMOOTH], fixed)
+
+    def linear(self, model: AxisModel) -> Linear | None:
+        """A library model and its derivatives; None where it cannot be simulated."""
+        (residual,) = self.loop.residuals([model])
+        if residual is None:
+            return None
+        slopes = derivatives(self.loop, model, residual)[self._force]
+        base = model.base[:STEP] / self.loop.spread
+        return Linear(residual[self._force], slopes[:, :STEP], slopes[:, STEP:], base)
 
     def model(self, model: AxisModel) -> Prediction | None:
-        """A library model; its figures are fitted again from where they are.
+        """A library model, fitted again from where it is; None where it cannot be simulated."""
+        linear = self.linear(model)
+        return None if linear is None else self.predict(linear)
 
-        None where it cannot be simulated.
-        """
-        loop = self.loop
-        if not loop.allows(model):
-            return None
-        residual = loop.residual(model)
-        slopes = derivatives(loop, model, residual)[self._force]
-        base = model.base[:STEP] / loop.spread
-        effects, figures = slopes[:, STEP:], slopes[:, :STEP]
-        none = np.zeros((effects.shape[1], effects.shape[1]))
-        return self._predict(effects, residual[self._force], [none], figures, base)
+    def predict(self, linear: Linear) -> Prediction:
+        """A library model, fitted again from where it is."""
+        size = linear.effects.shape[1]
+        return self._predict(linear.effects, [np.zeros((size, size))], linear)
+
+    def _friction(self, number: int) -> F64:
+        """What a Coulomb force of 1 N adds to the force along the motion, float64[P] [N]."""
+        loop, motion = self.loop, self.loop.motions[number]
+        moved = motion.axes[loop.name]
+        plain = replace(loop.axis, effects=())
+        if not plain.friction.coulomb:
+            return np.sign(moved.velocity)
+        more = with_figures(plain, {"coulomb": (1.0 + _MORE) * plain.friction.coulomb})
+        along = moved.position, moved.velocity, moved.acceleration
+        force = force_variants(motion.period, [plain, more], along, motion.start)
+        return np.asarray(np.diff(force, axis=1)[:, 0] / (_MORE * plain.friction.coulomb))
 
     def _seen(self, number: int, forces: F64) -> F64:
         """Forces as they show in the residual of a recording, float64[samples, n]."""
@@ -191,26 +243,18 @@ class Screen:
         return self._seen(number, forces / np.maximum(forces.std(axis=0), 1e-12))
 
     def _predict(
-        self,
-        over: F64,
-        residual: F64,
-        penalties: Sequence[F64],
-        base: F64 | None = None,
-        moved: F64 | None = None,
+        self, over: F64, penalties: Sequence[F64], beside: Linear | None = None
     ) -> Prediction:
         """Fit columns to all groups but one, evaluate that one; the best of several penalties.
 
         Args:
             over: float64[R, n].
-            residual: float64[R].
             penalties: float64[n, n] per sample and squared column, each.
-            base: derivatives by the plant's figures in sigmas, float64[R, F]; None: those of the
-                machine file.
-            moved: by how many sigmas these figures have been moved already, float64[F].
+            beside: residual, and figures that are fitted, too; None: those of the machine file.
         """
-        size, coherent = over.shape[1], self.loop.coherent
-        base = self._base if base is None else base
-        both = np.column_stack((over, base, self._beside, residual))
+        beside = beside or self._plain
+        size, coherent, base = over.shape[1], self.loop.coherent, beside.figures
+        both = np.column_stack((over, base, self._beside, beside.residual))
         parts = [both[self._group == group] for group in range(GROUPS)]
         squares = [part.T @ part for part in parts]
         total = np.sum(squares, axis=0)
@@ -219,7 +263,8 @@ class Screen:
         prior = np.zeros((len(total) - 1, len(total) - 1))
         prior[own, own] = coherent * np.eye(figures)
         held = np.zeros(len(prior))
-        held[own] = 0.0 if moved is None else coherent * moved
+        held[own] = coherent * beside.moved
+        bounds = own, -MAX_SIGMAS - beside.moved, MAX_SIGMAS - beside.moved
         mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
 
         def evaluated(penalty: F64) -> tuple[float, F64, F64]:
@@ -228,25 +273,50 @@ class Screen:
             there[:size, :size] += mean * (penalty + _LITTLE * np.eye(size))
             energies = np.zeros(len(self.loop.samples))
             for group, part in enumerate(parts):
-                left = part @ np.append(_solve(total - squares[group], there, held), 1.0)
+                left = part @ np.append(_solve(total - squares[group], there, held, bounds), 1.0)
                 block = self._block[self._group == group]
                 energies += np.bincount(block, left**2, len(energies))
             return float(energies.sum()), energies, there
 
         energy, energies, prior = min(map(evaluated, penalties), key=lambda each: each[0])
         inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
-        noise = coherent * max(energy / max(len(residual), 1), 1.0)
+        noise = coherent * max(energy / max(len(over), 1), 1.0)
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
-        folds = tuple(_solve(total - own, prior, held) for own in squares)
-        return Prediction(energies, _solve(total, prior, held), sigma, folds)
+        folds = tuple(_solve(total - part, prior, held, bounds) for part in squares)
+        return Prediction(energies, _solve(total, prior, held, bounds), sigma, folds)
+
+    def _wave(self, coordinate: Coordinate) -> F64 | None:
+        """The wave over time that takes most of the force, as `find_wave`."""
+        plain = np.column_stack((self._plain.figures, self._beside))
+        weights = np.linalg.lstsq(plain, self._residual, rcond=None)[0]
+        return find_wave(
+            coordinate, self._courses, self._used, (self._residual - plain @ weights) * self._floors
+        )
 
 
-def _solve(squares: F64, prior: F64, held: F64) -> F64:
-    """Values that minimise |columns x + residual|^2 + the prior's cost, float64[n]."""
-    normal = squares[:-1, :-1] + prior
+def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) -> F64:
+    """Values that minimise |columns x + residual|^2 + the prior's cost within bounds, float64[n].
+
+    Args:
+        squares: of columns and residual, float64[n + 1, n + 1].
+        prior: float64[n, n].
+        held: slope of the prior's cost at 0, float64[n].
+        bounds: which values have a lowest and a highest one, and these.
+    """
+    normal, slope = squares[:-1, :-1] + prior, squares[:-1, -1] + held
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     scaled = normal / np.outer(size, size) + 1e-12 * np.eye(len(size))
-    return np.asarray(-np.linalg.solve(scaled, (squares[:-1, -1] + held) / size) / size)
+    own, low, high = bounds
+    free = np.ones(len(size), dtype=np.bool_)
+    values = -np.linalg.solve(scaled, slope / size) / size
+    while True:
+        within = np.clip(values[own], low, high)
+        beyond = np.flatnonzero(within != values[own]) + own.start
+        if not len(beyond):
+            return np.asarray(values)
+        values[own], free[beyond] = within, False
+        there = (slope + normal[:, ~free] @ values[~free])[free] / size[free]
+        values[free] = -np.linalg.solve(scaled[np.ix_(free, free)], there) / size[free]
 
 
 def bending(bent: int, size: int) -> F64:

@@ -49,3 +49,10 @@ def test_names_are_less_sure_where_structure_is_left(drift):
             replace(drift, is_complete=is_complete), held_out, along_motion=False
         )
         assert cause.probability == pytest.approx(most)
+
+
+def test_what_is_not_needed_beside_a_curve_is_not_named(drift):
+    held_out = SimpleNamespace(given_back=lambda axis, index: (0.9, (0.8, 1.0)))
+    doubted = replace(drift, doubted=("thermal_drift",))
+    (cause,), _ = find_causes(doubted, held_out, along_motion=False)
+    assert cause.probability == pytest.approx(0.45)

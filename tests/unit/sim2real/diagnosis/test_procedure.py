@@ -186,6 +186,28 @@ def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal):
 
 
 @pytest.mark.slow
+def test_a_warm_up_of_two_stages_is_no_level_beside_another_warm_up(nominal):
+    stages = {"amplitude": 0.4, "fast": 1.2, "slow": 95.0, "share": 0.5}
+    recording = stage_with(nominal, 16, x={"two_stage_warm_up": stages})
+    found = diagnosed(recording, nominal[1], "coulomb_level", "thermal_drift", "cogging")
+    assert [c.effect for c in found.report.causes] in ([], ["thermal_drift"])
+    assert [u.over for u in found.report.unlisted] == ["time"] or found.report.causes
+
+
+@pytest.mark.slow
+def test_a_level_in_the_place_of_a_missing_warm_up_is_not_named(nominal):
+    """What is named beside it stays."""
+    effects = {
+        "cogging": {"amplitude": 2.0, "pitch": 0.03, "phase": 1.0},
+        "thermal_drift": {"amplitude": 0.35, "time_constant": 6.0},
+    }
+    recording = stage_with(nominal, 16, x=effects)
+    found = diagnosed(recording, nominal[1], "coulomb_level", "cogging", "force_offset")
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "cogging")]
+    assert [(u.axis, u.over) for u in found.report.unlisted] == [("x", "time")]
+
+
+@pytest.mark.slow
 def test_two_strands_are_a_cable_in_another_shape(nominal):
     """Fits of two strands to find them may end with one of them much too stiff."""
     strands = {"two_strand_cable": {"force": 0.77, "stiffness": 5700.0}}

@@ -48,6 +48,22 @@ def dirt(ports, p):
     ports.scale_position_coulomb(1.0 + p["size"] * np.exp(-0.5 * away**2))
 
 
+@unlisted(SIZE, over="")
+def pulse(ports, p):
+    ports.scale_time_coulomb(1.0 + p["size"] * np.sin(2.0 * np.pi * 1.3 * ports.times + 0.4))
+
+
+@unlisted(SIZE, over="")
+def running_up(ports, p):
+    cycles = 15.0 * ports.times + 2.0 * ports.times**2
+    ports.add_time_force(p["size"] * np.sin(2.0 * np.pi * cycles))
+
+
+@unlisted(SIZE, over="")
+def easing(ports, p):
+    ports.scale_time_coulomb(1.0 + p["size"] * np.exp(-ports.times / 3.0))
+
+
 @pytest.fixture(scope="module")
 def screen_of(nominal):
     """Curves of axis x of the stage with an effect; None for none."""
@@ -78,6 +94,9 @@ def screen_of(nominal):
         (magnet, 1.2, "reversal_path"),
         (splinter, 3.0, "position"),
         (dirt, 0.8, "position_direction"),
+        (easing, 0.4, "time"),
+        (pulse, 0.2, "time"),
+        (running_up, 0.8, "time"),
     ],
     ids=lambda value: getattr(value, "name", None),
 )
@@ -112,6 +131,43 @@ def test_what_does_not_show_along_the_motion_is_not_one_of_several(screen_of):
     model = screen.loop.start.added(Term(cogging, (1.5, 0.03, 0.0))).added(mass)
     prediction = screen.model(model)
     assert count_shown(screen, model, prediction, 0.02 * prediction.energy) == 1
+
+
+@pytest.fixture(scope="module")
+def easing_beside_cogging(screen_of):
+    """A screen of cogging and of a friction that falls, and the name that the first should keep."""
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        ports.add_position_force(1.5 * np.sin(2.0 * np.pi * ports.positions / 0.03))
+        easing.apply(ports, {"size": 0.4})
+
+    return screen_of(both, size=1.0), Term(library()["cogging"], (1.5, 0.03, 0.0))
+
+
+def test_a_name_that_partly_stands_for_a_function_of_time_goes(easing_beside_cogging):
+    screen, cogging = easing_beside_cogging
+    level = Term(library()["coulomb_level"], (1.15,))
+    model = screen.loop.start.added(cogging).added(level)
+    doubted, (found,) = find_rivals(screen).beside(model)
+    assert doubted == ("coulomb_level",)
+    assert (found.over, found.times) == ("time", "friction")
+    assert found.gap_closed > 0.8
+
+
+def test_several_effects_of_one_coordinate_are_one_curve(screen_of):
+    """A level and a fading one are a function of time that no single effect has."""
+    screen = screen_of(easing, size=0.4)
+    level = Term(library()["coulomb_level"], (1.05,))
+    fading = Term(library()["thermal_drift"], (0.36, 2.5))
+    assert not find_rivals(screen).leave_names([screen.loop.start.added(level).added(fading)])
+
+
+def test_names_stay_where_no_curve_adds_anything(screen_of):
+    effect, values = library()["cogging"], (1.5, 0.03, 0.0)
+    screen = screen_of(effect, amplitude=1.5, pitch=0.03, phase=0.0)
+    model = screen.loop.start.added(Term(effect, values))
+    assert find_rivals(screen).beside(model) == ((), ())
 
 
 def test_without_a_gap_there_is_no_coordinate(screen_of):
