@@ -55,11 +55,11 @@ class Rivals:
     @property
     def best(self) -> Curve | None:
         """The curve that predicts other moves best, where it closes most of the gap."""
+        if not self.curves:
+            return None
         above = max(self.opened.energy - self.screen.floor, 1e-9)
-        closing = [
-            c for c in self.curves if self.opened.energy - c.prediction.energy >= _MOST * above
-        ]
-        return closing[0] if closing else None
+        best = self.curves[0]
+        return best if self.opened.energy - best.prediction.energy >= _MOST * above else None
 
     def leave_names(self, models: Sequence[AxisModel]) -> bool:
         """Whether one of these library models, which could explain the axis, keeps its names."""

@@ -157,10 +157,18 @@ def test_a_name_that_partly_stands_for_a_function_of_time_goes(easing_beside_cog
 
 def test_several_effects_of_one_coordinate_are_one_curve(screen_of):
     """A level and a fading one are a function of time that no single effect has."""
-    screen = screen_of(easing, size=0.4)
-    level = Term(library()["coulomb_level"], (1.05,))
-    fading = Term(library()["thermal_drift"], (0.36, 2.5))
-    assert not find_rivals(screen).leave_names([screen.loop.start.added(level).added(fading)])
+
+    @unlisted(SIZE, over="")
+    def two_stages(ports, p):
+        for constant in (1.2, 95.0):
+            ports.decay_coulomb(0.5 * p["size"], constant)
+
+    screen = screen_of(two_stages, size=0.4)
+    level = Term(library()["coulomb_level"], (1.19,))
+    fading = Term(library()["thermal_drift"], (0.2, 1.2))
+    rivals = find_rivals(screen)
+    assert rivals.unlisted("x")[0].over == "time"
+    assert not rivals.leave_names([screen.loop.start.added(level).added(fading)])
 
 
 def test_names_stay_where_no_curve_adds_anything(screen_of):
