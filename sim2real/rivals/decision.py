@@ -27,6 +27,8 @@ _LITTLE, _MUCH = 0.02, 0.2
 which is large where few moves show the force."""
 _MOST = 0.5
 """Share of the gap that a curve has to close on other moves."""
+_TAKEN = 0.1
+"""Share of what an effect closes that may be lost where a curve takes its place."""
 _FEWEST = 200
 """Samples in motion that curves need."""
 _MOVES = 2
@@ -90,14 +92,17 @@ class Rivals:
         if found is None or best is None:
             return (), ()
         while model.terms:
-            tried = []
+            tried, whole = [], self.screen.model(model)
             for index in range(len(model.terms)):
                 rest = self.screen.linear(model.without(index))
                 curve = None if rest is None else self.screen.curve(best.coordinate, rest)
-                if curve is not None:
-                    tried.append((*_compare(curve.prediction, best.prediction), index))
-            loss, error, index = min(tried, default=(math.inf, 0.0, 0))
-            if loss > found.margin(error):
+                if rest is None or curve is None or whole is None:
+                    continue
+                loss, error = _compare(curve.prediction, best.prediction)
+                work = self.screen.predict(rest).energy - whole.energy
+                tried.append((loss - max(found.margin(error), _TAKEN * work), index))
+            excess, index = min(tried, default=(math.inf, 0))
+            if excess > 0.0:
                 break
             dropped.append(model.terms[index].name)
             model = model.without(index)
