@@ -63,7 +63,7 @@ class AxisState(Message):
 
     Attributes:
         position, demand: [m]; None before the first sample.
-        error: following error: demand at the SYNC before minus position [m].
+        error: following error: demand that the drive had when it was sampled minus position [m].
         force, offset: measured force, force offset [N].
         status: power state in words.
         statusword: 0x6041.

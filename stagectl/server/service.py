@@ -110,7 +110,8 @@ class Service:
             ask.Listen: self._listen, ask.SendFrame: self._send_frame,
             ask.Acknowledge: self._acknowledge,
         }  # fmt: skip
-        self.sampling = Sampling()
+        control = next(iter(setup.machine.axes.values())).drive.control_period
+        self.sampling = Sampling(control / setup.bus.sync_period)
         self._signals, self._load = DriveSignals(), BusLoad(setup.bus.bitrate)
 
     # -- what comes from the stage --------------------------------------------------------------

@@ -42,9 +42,15 @@ class BusLoad:
 
 
 class Sampling:
-    """Samples of the drivers as arrays in SI units, and the axes as last sampled."""
+    """Samples of the drivers as arrays in SI units, and the axes as last sampled.
 
-    def __init__(self) -> None:
+    Args:
+        ratio: of the drives' control period to that of SYNC. A drive goes to its new demand within
+            the SYNC period; when it is sampled, it has taken the first of these steps.
+    """
+
+    def __init__(self, ratio: float) -> None:
+        self._ratio = ratio
         self.count = 0
         self._last: Sequence[int] | None = None
         self._demand: tuple[float, ...] | None = None
@@ -68,7 +74,9 @@ class Sampling:
             valid=axes[:, :, _VALID].astype(np.uint8),
         )
         previous = block.demand[-2] if len(raw) > 1 else self._demand
-        self._error = None if previous is None else block.position[-1] - previous
+        if previous is not None:
+            aligned = previous + (block.demand[-1] - previous) * self._ratio
+            self._error = aligned - block.position[-1]
         self._demand = tuple(block.demand[-1].tolist())
         return block
 
@@ -84,7 +92,7 @@ class Sampling:
         )  # fmt: skip
         for number, (axis, status, position, target, force, offset) in enumerate(columns):
             seen = status is not None
-            error = None if self._error is None else -float(self._error[number])
+            error = None if self._error is None else float(self._error[number])
             states.append(
                 AxisState(
                     name=axis.name,
