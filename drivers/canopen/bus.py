@@ -8,6 +8,7 @@ passes on what is not process data. One thread at a time: the one that receives 
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import socket
@@ -68,6 +69,8 @@ def open_bus(settings: BusSettings) -> can.BusABC:
         BusOpenError: unknown interface, missing driver, no such channel.
     """
     try:
+        if settings.interface == "socketcan" and settings.channel:
+            _require_interface(settings.channel)
         bus = can.Bus(
             interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate
         )
@@ -76,6 +79,18 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     if ".udp_multicast" in type(bus).__module__ and sys.platform == "linux":
         _hear_own_group_only(bus)
     return bus
+
+
+def _require_interface(name: str) -> None:
+    """Checks that a network interface exists: where none does, python-can leaves a socket open.
+
+    Raises:
+        OSError: as python-can's.
+    """
+    try:
+        socket.if_nametoindex(name)
+    except OSError:
+        raise OSError(errno.ENODEV, os.strerror(errno.ENODEV)) from None
 
 
 def _hear_own_group_only(bus: can.BusABC) -> None:

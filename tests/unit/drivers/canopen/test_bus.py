@@ -1,10 +1,12 @@
 """The host's end of the bus: pumping, heartbeat, tap, errors."""
 
+import sys
+
 import can
 import pytest
 
 from drivers.canopen import Network, open_bus
-from drivers.errors import BusError
+from drivers.errors import BusError, BusOpenError
 from drivers.settings import BusSettings
 from tests.multicast import require_multicast
 
@@ -75,3 +77,12 @@ def test_frames_of_another_multicast_group_are_not_received():
         assert heard is not None
         assert heard.arbitration_id == 0x702
         assert bus.recv(0.05) is None
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="SocketCAN is of Linux")
+def test_an_interface_that_is_not_there_is_refused_before_a_socket_is_made(monkeypatch):
+    """python-can leaves the socket open that it then cannot bind."""
+    monkeypatch.setattr(can, "Bus", lambda **_: pytest.fail("opened"))
+    settings = BusSettings("socketcan", "nosuchcan9")
+    with pytest.raises(BusOpenError, match=r"socketcan:nosuchcan9: cannot open: .*No such device"):
+        open_bus(settings)
