@@ -25,6 +25,7 @@ from drivers.errors import BusError, DriverError
 TIMEOUT = 0.4
 """For each answer [s]."""
 _FENCES = ((0x1000, 0), (0x1001, 0), (0x1018, 0), (0x1018, 1))
+_RELEASED = "the node was released"
 _POLL, _POLLS = 0.005, 1000
 """Interval at which a thread checks whether the bus has become free [s], and how often it does
 before it gives up on a thread that has the bus for itself."""
@@ -69,18 +70,20 @@ class SdoChannel:
         self._fence: tuple[int, int] | None = None
         self._unanswered: list[tuple[int, int]] = []  # objects, since the last fence
         self._deadline = 0
+        self._detached = False
         self.asked: Counter[tuple[int, int]] = Counter()
         network.subscribe(0x580 + node_id, self._on_answer)
         network.watchers.append(self._service)
 
     def detach(self) -> None:
-        """Stops listening; waiting transfers fail."""
+        """Stops listening; waiting transfers fail, and so does what is asked for later."""
+        self._detached = True
         self._network.unsubscribe(0x580 + self.node_id, self._on_answer)
         if self._service in self._network.watchers:
             self._network.watchers.remove(self._service)
         for job in (self._job, *self._waiting):
             if job is not None and not job.done:
-                job.end(error=SdoCommunicationError("the node was released"))
+                job.end(error=SdoCommunicationError(_RELEASED))
         self._job = self._transfer = None
         self._waiting.clear()
 
@@ -129,6 +132,8 @@ class SdoChannel:
             raise DriverError(
                 f"node {self.node_id}: SDO access inside a callback of the receive path"
             )
+        if self._detached:
+            raise SdoCommunicationError(_RELEASED)
         with self._lock:
             self._waiting.append(job)
         if network.owner not in (None, threading.get_ident()):

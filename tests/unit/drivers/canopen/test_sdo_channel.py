@@ -140,6 +140,19 @@ def test_only_the_owner_of_a_bus_uses_it(scripted, peer, monkeypatch):
     assert peer.reads == [(0x6064, 0)]
 
 
+def test_a_released_node_is_not_waited_for(scripted, peer, monkeypatch):
+    network = Network(scripted, "scripted")
+    channel = SdoChannel(network, 5)
+    network.owner = -1  # another thread's, which has ended
+    channel.detach()
+    monkeypatch.setattr(
+        "drivers.canopen.sdo_channel.time.sleep", lambda _: pytest.fail("it is waited for")
+    )
+    with pytest.raises(SdoCommunicationError, match="released"):
+        channel.upload(0x6064, 0)
+    assert peer.reads == []
+
+
 def test_threads_share_a_channel_each_with_its_own_answers(pair):
     """Four threads read and write one node of a bus in real time; every answer is the right one."""
     ours, theirs = pair
