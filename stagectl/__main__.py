@@ -24,6 +24,9 @@ would have all of it looked through hundreds of times: a tenth of a short comman
 def main() -> None:
     """Run the command line; for exit codes see `stagectl.cli`."""
     gc.set_threshold(_BETWEEN_COLLECTIONS)
+    # Read when numpy is first imported, here or in a child. What takes long has threads of its own;
+    # more inside linear algebra would wait for each other at full load.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # Registered first, so called last: after it, no handler of ours can run, and the signal's
         # default action would replace the exit code.

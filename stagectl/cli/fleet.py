@@ -133,8 +133,6 @@ def _fleet() -> Any:
     except ImportError as error:
         raise missing_extra("fleets need", str(error.name), "fleet") from error
     del dask, distributed, fsspec, pyarrow
-    # One thread in each worker, and none of its own in this process.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from stagectl import fleet
 
     return fleet

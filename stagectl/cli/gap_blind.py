@@ -63,8 +63,6 @@ def blind(asked: _BlindOptions, json_out: Path | None, docs: Path | None) -> Non
     answer itself after it. Ctrl-C ends with the scores so far; with --lines, the next call
     continues from there.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
     setup = _setup(asked)
     console = console_for(json_out)
     everything = _read(asked.lines)

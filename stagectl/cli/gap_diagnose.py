@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,8 +104,6 @@ def diagnose(
     A cause comes with its parameters (±1 sigma), its probability p and the usual remedy; effects
     that these recordings cannot tell apart are listed together.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    # Each axis has its own thread; more threads inside linear algebra would slow them down.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from sim2real.diagnosis import PHASES
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.report import print_outline

@@ -122,5 +122,5 @@ async def _start(arguments: Sequence[str], errors: int) -> asyncio.subprocess.Pr
     return await asyncio.create_subprocess_exec(
         "nice", "-n", _LOWEST, sys.executable, "-m", "stagectl", *arguments,
         stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=errors,
-        start_new_session=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,
     )  # fmt: skip
