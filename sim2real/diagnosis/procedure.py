@@ -29,6 +29,7 @@ from sim2real.attribution import (
 from sim2real.diagnosis.along_motion import search_along_motion
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
+from sim2real.findings import Unlisted
 from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
@@ -81,7 +82,7 @@ def diagnose(
         told = partial(progress, "held-out moves")
         fitted = {name: (s.problem, s.best.model, s.folds) for name, s in searches.items()}
         held_out = predict_held_out(examined.measured, settings, fitted, pool, told)
-        return conclude(examined, searches, held_out)
+        return conclude(examined, searches, held_out, stage.curves)
 
 
 class _StageSearch:
@@ -175,6 +176,10 @@ class _StageSearch:
             return found.without_names(rivals.unlisted(name))
         doubted, unlisted = rivals.beside(found.best.model)
         return replace(found, doubted=doubted, unlisted=unlisted)
+
+    def curves(self, name: str) -> Sequence[Unlisted]:
+        """The coordinate that the missing force of an axis depends on."""
+        return self._rivals(name).unlisted(name)
 
     def _is_curve(self, name: str, models: Sequence[AxisModel]) -> bool:
         """Whether a curve explains nearly all of an axis, and better than these models."""

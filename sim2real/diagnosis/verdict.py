@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from hil_sim.settings import StageSettings
@@ -50,7 +50,7 @@ from sim2real.fitting import (
 )
 from sim2real.gap import NO_GAP_BELOW, Signals
 from sim2real.held_out import HeldOut, combined_energy, share_closed
-from sim2real.scoring.constants import ENOUGH, NEAR
+from sim2real.scoring.constants import DOUBTED, ENOUGH, NEAR
 
 _SMALLER = 2.0
 """Largest squared gap over floor per signal that counts as no gap where no cause was found and an
@@ -97,7 +97,10 @@ class Diagnosis:
 
 
 def conclude(
-    examined: Examination, results: Mapping[str, AxisResult], held_out: HeldOut
+    examined: Examination,
+    results: Mapping[str, AxisResult],
+    held_out: HeldOut,
+    curves: Callable[[str], Sequence[Unlisted]] = lambda _: (),
 ) -> Diagnosis:
     """Draw the conclusions of all searches.
 
@@ -105,6 +108,7 @@ def conclude(
         examined: the recordings.
         results: axis -> what its search found.
         held_out: what models leave on held-out moves.
+        curves: the coordinates of an axis; asked for where all its effects are doubted.
     """
     considered, candidates, confusable = _gather(examined, results, held_out)
     causes = [cause for cause in considered if cause.probability > 0.5]
@@ -116,6 +120,13 @@ def conclude(
     )
     whole = is_whole_model and all(result.is_complete for result in results.values())
     models, changes = _twin_models(examined, results, causes)
+    doubted = {cause.axis for cause in considered} - {cause.axis for cause in causes}
+    results = {
+        name: replace(result, unlisted=result.unlisted or curves(name))
+        if name in doubted
+        else result
+        for name, result in results.items()
+    }
     unlisted = _unlisted(results)
     promised = promise(held_out, models, causes)
     alike = are_alike(examined)
@@ -223,11 +234,26 @@ def _gather(
             causes_here, alike = find_causes(
                 result, held_out, along_motion=examined.open_loop is not None
             )
+            causes_here = doubt_rest(causes_here, held_out)
             causes += causes_here
             confusable += alike
         candidates += list_candidates(result, causes_here, above_floor)
     causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
     return causes, candidates, confusable
+
+
+def doubt_rest(causes: list[Cause], held_out: HeldOut) -> list[Cause]:
+    """Causes on one axis, all doubted where the others close nothing without the doubted ones."""
+    named = [cause for cause in causes if cause.probability > 0.5]
+    if len(named) in (0, len(causes)):
+        return causes
+    left = held_out.leaves([only_causes(models, named) for models in held_out.folds])
+    own = held_out.columns[named[0].axis]
+    parts = (held_out.before, left.energies, held_out.samples)
+    _, interval = share_closed(*(part[:, own] for part in parts))
+    if interval is not None and interval[0] > 0.0:
+        return causes
+    return [replace(each, probability=min(each.probability, DOUBTED)) for each in causes]
 
 
 def _verdict(
