@@ -96,7 +96,8 @@ def _largest_probability(
 ) -> float:
     """Largest probability that a term's figures allow: `DOUBTED` where they raise a doubt.
 
-    Without doubts it is 1, or `UNCERTAIN` where the model leaves structure. Doubt arises from a
+    Without doubts it is 1, or `UNCERTAIN` where the model leaves structure, and of a constant level
+    of friction, which a slow drift resembles within seconds. Doubt arises from a
     size that may be zero by its sigma, and from implausible values (unless the effect alone
     explains the axis completely). What the fit needs is doubted for both only. What gives back
     nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
@@ -110,7 +111,8 @@ def _largest_probability(
     uncertain = any(_is_size_uncertain(entry, figures, axis) for entry in entries)
     implausible = not alone and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
-    most = 1.0 if result.is_complete else UNCERTAIN
+    is_sure = result.is_complete and term.ports(axis).coulomb == 1.0
+    most = 1.0 if is_sure else UNCERTAIN
     return DOUBTED if doubts > result.is_needed(term) else most
 
 
