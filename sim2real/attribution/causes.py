@@ -96,8 +96,9 @@ def _largest_probability(
 ) -> float:
     """Largest probability that a term's figures allow: `DOUBTED` where they raise a doubt.
 
-    Without doubts it is 1, or `UNCERTAIN` where the model leaves structure, and of a constant level
-    of friction, which a slow drift resembles within seconds. Doubt arises from a
+    Without doubts it is 1, or `UNCERTAIN` where the model leaves structure, where the recordings do
+    not show the effect's shape, and of a constant level of friction, which a slow drift resembles
+    within seconds. Doubt arises from a
     size that may be zero by its sigma, and from implausible values (unless the effect alone
     explains the axis completely). What the fit needs is doubted for both only. What gives back
     nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
@@ -111,7 +112,8 @@ def _largest_probability(
     uncertain = any(_is_size_uncertain(entry, figures, axis) for entry in entries)
     implausible = not alone and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
-    is_sure = result.is_complete and term.ports(axis).coulomb == 1.0
+    shown = not any(_is_shape_unknown(entry, figures) for entry in entries)
+    is_sure = result.is_complete and shown and term.ports(axis).coulomb == 1.0
     most = 1.0 if is_sure else UNCERTAIN
     return DOUBTED if doubts > result.is_needed(term) else most
 
@@ -125,6 +127,12 @@ def _is_size_uncertain(
         return False
     figure = figures[entry.parameter.key]
     return figure.sigma > abs(figure.value - neutral)
+
+
+def _is_shape_unknown(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
+    """Whether a shape may as well be any other: a time constant far beyond the recording."""
+    figure = figures[entry.parameter.key]
+    return entry.parameter.role == "shape" and figure.sigma > abs(figure.value)
 
 
 def _inaccuracy(

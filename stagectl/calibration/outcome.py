@@ -18,6 +18,8 @@ WATCH, ACT = 0.03, 0.10
 """Relative change of a site, beside the common change, to watch or to act on."""
 COMMON_ACT = 0.25
 """Likewise for the common change."""
+FEWEST = 3
+"""Sites that have to be measured to tell a change of the whole table from their own."""
 SAME = 1e-6
 """Places this near are the same site [m]: the history keeps whole micrometres."""
 
@@ -170,10 +172,17 @@ def _judged(
     return "good", "nothing to do"
 
 
-def common_changes(changes: Sequence[AxisChange]) -> list[str]:
+def common_changes(changes: Sequence[AxisChange], outcomes: Sequence[SiteOutcome]) -> list[str]:
     """Change of the whole table and what to do about it, one line per axis."""
     lines = []
     for entry in changes:
+        measured = sum(o.axis == entry.axis and o.coulomb is not None for o in outcomes)
+        if measured < FEWEST:
+            lines.append(
+                f"axis {entry.axis}: {measured} site{'s' * (measured != 1)} measured; whether all "
+                f"sites have changed shows when at least {FEWEST} are"
+            )
+            continue
         text = f"axis {entry.axis}: all sites {100 * entry.common:+.1f} % since the last map"
         if abs(entry.common) >= COMMON_ACT:
             text += ": look at lubrication, wipers and temperature"

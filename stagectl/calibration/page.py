@@ -90,7 +90,7 @@ def calibration_outline(report: CalibrationReport) -> Outline:
         compared = "nothing: there was no map"
     notices = [Fact(text, "warning") for text in report.notices]
     notices += [] if report.error is None else [Fact(report.error, "bad")]
-    notices += [Fact(line, "good") for line in common_changes(report.changes)]
+    notices += [Fact(line, "good") for line in common_changes(report.changes, report.outcomes)]
     reached = reached_gains(report.outcomes, report.sequence)
     return Outline(
         f"Calibration {report.name}",

@@ -66,6 +66,13 @@ def test_it_has_every_site_its_change_and_its_verdict(report):
     assert "Settling" not in text, "that is of production"
 
 
+def test_one_site_says_nothing_of_all(report):
+    alone = replace(report, outcomes=report.outcomes[1:2])
+    text = text_of(render_calibration(alone))
+    assert "all sites +4.0 %" not in text
+    assert "axis x: 1 site measured; whether all sites have changed shows when at least 3" in text
+
+
 def test_the_headline_counts_verdicts_the_worst_first(report):
     assert verdict(report) == (
         "5 of 5 visits; results by site and axis: 1 to act on, 1 to watch, 2 in order. "
