@@ -286,8 +286,9 @@ class _Selection:
     def look_for_factor(self, current: Alternative) -> Alternative:
         """A factor on the force in the place of mass, friction and stiffness, if that takes less.
 
-        By itself such a factor is the same as all of these by its inverse. Selection takes the mass
-        first, and no exchange of one effect for another leads back.
+        By itself such a factor is the same as all of these by its inverse, and a mass the same as a
+        factor beside the rest of them. No exchange of one effect for another leads from one to the
+        other.
         """
         ranking = self._ranking
         start = factor_instead(current.model, self._problem.axis, self._library)
@@ -316,14 +317,18 @@ def factor_instead(
 ) -> AxisModel | None:
     """A start with a factor on the force in the place of a mass, and of what else it scales.
 
-    None where the model has no mass, or that factor already.
+    Or a mass in the place of a factor and of what that does not scale. None where the model has
+    neither, or both.
     """
     terms = {term.name: term for term in model.terms}
-    if FACTOR in terms or FACTOR not in library or MASS not in terms:
+    if FACTOR not in library or MASS not in library or (FACTOR in terms) == (MASS in terms):
         return None
-    factor = Term(library[FACTOR], (axis.mass / (axis.mass + terms[MASS].values[0]),))
-    kept = tuple(term for term in model.terms if term.name not in SCALED)
-    return AxisModel(np.zeros_like(model.base), (*kept, factor))
+    if MASS in terms:
+        other = Term(library[FACTOR], (axis.mass / (axis.mass + terms[MASS].values[0]),))
+    else:
+        other = Term(library[MASS], (axis.mass / terms[FACTOR].values[0] - axis.mass,))
+    kept = tuple(term for term in model.terms if term.name not in (*SCALED, FACTOR))
+    return AxisModel(np.zeros_like(model.base), (*kept, other))
 
 
 def without_effect(model: AxisModel, index: int, axis: AxisSettings) -> AxisModel:

@@ -25,6 +25,8 @@ from sim2real.scoring.constants import NEAR, SURE_COORDINATE
 _LITTLE, _MUCH = 0.02, 0.2
 """Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
 which is large where few moves show the force."""
+_CLEARLY = 3.0
+"""Standard errors by which several effects predict clearly better than a curve."""
 _MOST = 0.5
 """Share of the gap that a curve has to close on other moves."""
 _TAKEN = 0.1
@@ -76,7 +78,7 @@ class Rivals:
             # Noise that a curve happens to follow is no reason to take a name away.
             excess += min(best.prediction.energy - self.screen.floor, 0.0)
             margin = self.margin(error)
-            if excess < -margin or (
+            if excess < -min(margin, _CLEARLY * error) or (
                 excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True
