@@ -3,8 +3,8 @@
     python tools/docs_commands.py check [PAGE...]    compares what they print with what is quoted
     python tools/docs_commands.py quotes [PAGE...]   quotes what they print
 
-Without pages: README.md, docs/*.md, docs/tutorials/*.md and docs/how-to/*.md. A comment on the line
-before a block says what is special:
+Without pages: README.md, docs/*.md, and those of docs/tutorials, docs/how-to and docs/explanation.
+A comment on the line before a block says what is special:
 
     <!-- not run: REASON -->   it needs hardware, or data that are not here
     <!-- exit CODE -->         its last command ends with another exit code than 0
@@ -43,6 +43,7 @@ PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),
     *sorted((ROOT / "docs" / "tutorials").glob("*.md")),
     *sorted((ROOT / "docs" / "how-to").glob("*.md")),
+    *sorted((ROOT / "docs" / "explanation").glob("*.md")),
 ]
 _KNOWN = r"|not run: .+|exit \d+|until Ctrl-C|file: \S+"
 NOT_RUN = ("make test",)

@@ -220,7 +220,7 @@ def page_of_file(title: str, model: type, guide: str) -> str:
         f"# {title}: all keys",
         "",
         "Written by `python tools/reference.py` from the models that validate the file. "
-        f"How the keys work together: [{guide}](../{guide}).",
+        f"How the keys work together: [{guide.rpartition('/')[2]}](../{guide}).",
         "",
         "Numbers are in the unit given, or texts with another one of its kind (`80 um`). "
         "Ranges are what is accepted at all, some decades wider than any stage. "
@@ -314,7 +314,7 @@ def _type(variable: ODVariable) -> str:
 
 PAGES: dict[str, Callable[[], str]] = {
     "machine.md": lambda: page_of_file("Machine files", Machine, "machine.md"),
-    "recipe.md": lambda: page_of_file("Recipes", RecipeFile, "recipe.md"),
+    "recipe.md": lambda: page_of_file("Recipes", RecipeFile, "how-to/write-a-recipe.md"),
     "objects.md": page_of_objects,
 }
 

@@ -1,6 +1,6 @@
 """Measures the docs' sentences: `python tools/sentences.py [PAGE...]`, with --list the long ones.
 
-Per page: sentences, mean and longest in words. Without pages: README, CHANGELOG and docs/*.md.
+Per page: sentences, mean and longest in words. Without pages: README, CHANGELOG and docs.
 Code blocks, tables, quotes, comments, headings (those in bold that begin a paragraph, too) and the
 targets of links do not count; inline code is one word. A paragraph or list item ends a sentence, a
 colon or semicolon does not.
@@ -12,7 +12,7 @@ import re
 import sys
 from pathlib import Path
 
-PAGES = ("README.md", "CHANGELOG.md", "docs/*.md")
+PAGES = ("README.md", "CHANGELOG.md", "docs/*.md", "docs/*/*.md")
 LONG = 30
 NO_PROSE = re.compile(
     r"^ *```.*?^ *```$|<!--.*?-->|^ *[|>].*?$|^#.*?$|(?<=\n\n) {4}.*?(?=\n\n|\Z)",

@@ -1,6 +1,6 @@
 """Design of an axis' observer from its known figures: model, gain, limits.
 
-Source: docs/observer.md, how it works.
+Source: docs/explanation/observer.md, how it works.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The observers of a stage's axes, stepped at every SYNC.
 
-Source: docs/observer.md, how it works.
+Source: docs/explanation/observer.md, how it works.
 """
 
 from __future__ import annotations

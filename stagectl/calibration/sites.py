@@ -1,4 +1,4 @@
-"""The calibration file: its sites, and when they are due. See docs/friction-map.md."""
+"""The calibration file: its sites, and when they are due. See docs/how-to/calibrate.md."""
 
 from __future__ import annotations
 

@@ -63,7 +63,8 @@ class _RunOptions:
         FILE,
     )
     faults: Path | None = option(
-        "Inject the bus and drive faults of this file; needs --simulate (docs/faults.md).", FILE
+        "Inject the bus and drive faults of this file; needs --simulate (docs/how-to/faults.md).",
+        FILE,
     )
     out: Path | None = option(
         "Folder for recording, summary, report and bus log.  [default: runs/RECIPE-TIME]",

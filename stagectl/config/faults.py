@@ -1,8 +1,8 @@
 """Faults files (`stagectl run --simulate --faults`): what fails, where and when.
 
-The sections have exactly the keys of docs/faults.md. For a machine they become the simulator's
-faults: names of axes and frames are made node ids and CAN-IDs of the predefined connection set of
-CiA 301.
+The sections have exactly the keys of docs/how-to/faults.md. For a machine they become the
+simulator's faults: names of axes and frames are made node ids and CAN-IDs of the predefined
+connection set of CiA 301.
 """
 
 from __future__ import annotations

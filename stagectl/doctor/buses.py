@@ -24,7 +24,7 @@ def examine_socketcan() -> Finding:
         return Finding(
             "socketcan", False, f"no CAN in this kernel ({refused})",
             "sudo modprobe can-raw, or a kernel with CONFIG_CAN; without CAN hardware: "
-            "tools/with-vcan in the source, docs/vcan.md",
+            "tools/with-vcan in the source, docs/how-to/vcan.md",
         )  # fmt: skip
     interfaces = [f"{name} ({state})" for name, state in can_interfaces().items()]
     return Finding(
@@ -55,7 +55,7 @@ def examine_vcan() -> Finding:
     return Finding(
         "vcan", False, "no virtual CAN interface",
         "sudo modprobe vcan && sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up; "
-        "without root or CAN in the kernel: tools/with-vcan in the source, docs/vcan.md",
+        "without root or CAN in the kernel: tools/with-vcan in the source, docs/how-to/vcan.md",
     )  # fmt: skip
 
 

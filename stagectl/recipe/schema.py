@@ -1,4 +1,6 @@
-"""The models of a recipe file: its keys (docs/recipe.md) and their values in SI units.
+"""The models of a recipe file: its keys and their values in SI units.
+
+How to write one: docs/how-to/write-a-recipe.md.
 
 They check each value by itself; `load` checks them against each other and against a machine. What
 the program uses as it stands in the file is a dataclass.
@@ -166,7 +168,7 @@ class PluginMark:
     name: Name
     """Its name in the entry point group `stagectl.fiducial`."""
     source: Literal["plugin"] = "plugin"
-    """A camera: [recipes](../recipe.md#a-camera)."""
+    """A camera: [recipes](../how-to/write-a-recipe.md#a-camera)."""
 
 
 FiducialSection = Annotated[

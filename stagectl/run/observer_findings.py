@@ -54,7 +54,7 @@ def describe(axis: str, found: Finding) -> str:
                 f"axis {axis}: {wave} goes on without the observer, which was frozen at {when} to "
                 "see: it comes from elsewhere (a vibration, or the drive's own loop)"
             )
-    return f"axis {axis}: {why}; the observer is out from {when} on (docs/observer.md)"
+    return f"axis {axis}: {why}; the observer is out from {when} on (docs/explanation/observer.md)"
 
 
 def is_out(found: Finding) -> bool:

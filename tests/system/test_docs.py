@@ -54,7 +54,7 @@ def test_every_import_in_an_example_works():
 def test_every_test_that_guards_against_a_pitfall_exists():
     """In the last column: files, `same` for that of the row before, and parts of tests' names."""
     tests, missing, last = ROOT / "tests", [], []
-    text = (ROOT / "docs" / "pitfalls.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "explanation" / "pitfalls.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| ") and "---" not in line]
     for row in rows:
         cell, files = row.rstrip(" |").rsplit(" | ", 1)[-1], []

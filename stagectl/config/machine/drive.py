@@ -110,10 +110,10 @@ class Drive(Section):
     """One count of 0x6076. For a drive that counts µNm: 1e-6; mA: the motor constant times 1e-3.
     0x6076 may differ from `rated_force` by 0.1 %, with a note."""
     profile: Annotated[str | None, Field(min_length=1, max_length=200)] = None
-    """The drive's [profile](../drives.md): a family, or a file relative to this one. It fills the
-    keys of this section that are left open, and `run` says which. Without it: the profile with the
-    identity that the EDS states, if there is one. In a simulation the virtual drive differs from
-    the standard as that family does."""
+    """The drive's [profile](../how-to/add-a-drive.md): a family, or a file relative to this one. It
+    fills the keys of this section that are left open, and `run` says which. Without it: the profile
+    with the identity that the EDS states, if there is one. In a simulation the virtual drive
+    differs from the standard as that family does."""
     modes: Annotated[tuple[ModeName, ...] | None, Field(min_length=1)] = None
     """The modes that the drive offers, where its 0x6502 is missing or wrong; without it: what
     0x6502 says."""

@@ -205,8 +205,8 @@ class Axis(Section):
     [effects](../formats/effects.md#keys). Time begins with the first SYNC at which the host
     streams setpoints."""
     observer: Literal["auto", "trust", "none"] = "auto"
-    """`auto`: force offsets are corrected by the [observer](../observer.md) once the axis has been
-    measured; `trust`: unmeasured, by this file alone; `none`: never."""
+    """`auto`: force offsets are corrected by the [observer](../explanation/observer.md) once the
+    axis has been measured; `trust`: unmeasured, by this file alone; `none`: never."""
 
     @field_validator("drive")
     @classmethod

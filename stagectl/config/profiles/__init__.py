@@ -1,7 +1,7 @@
-"""Drive profiles: what is known of a family of drives, each fact with its source (docs/drives.md).
+"""Drive profiles: what is known of a family of drives, each fact with its source.
 
-`model` is the file, `library` finds the one of a drive, `fill` lets it fill what a machine file
-leaves open, `writing` renders one that was learned.
+Their format: docs/how-to/add-a-drive.md. `model` is the file, `library` finds the one of a drive,
+`fill` lets it fill what a machine file leaves open, `writing` renders one that was learned.
 """
 
 from stagectl.config.profiles.fill import Filled as Filled

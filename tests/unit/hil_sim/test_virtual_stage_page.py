@@ -1,4 +1,4 @@
-"""docs/virtual-stage.md names exactly the modes, homing methods and fixtures that there are."""
+"""docs/how-to/virtual-stage.md names the modes, homing methods and fixtures that there are."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ from hil_sim.cia402.homing import METHODS
 from hil_sim.cia402.modes import ModeCode
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "virtual-stage.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "virtual-stage.md").read_text(encoding="utf-8")
 
 
 def test_modes_and_homing_methods_are_those_of_the_drive():

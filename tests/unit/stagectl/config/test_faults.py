@@ -47,7 +47,7 @@ def test_refused_values_are_reported_with_their_place(parse, line, place, word):
     assert word in problem
 
 
-PAGE = (Path(__file__).parents[4] / "docs" / "faults.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[4] / "docs" / "how-to" / "faults.md").read_text(encoding="utf-8")
 
 
 def table_after(heading):

@@ -19,7 +19,7 @@ def examples(page):
 
 
 def test_the_recipe_pages_examples_load(recipe_of):
-    whole, sites, moves = examples("recipe.md")
+    whole, sites, moves = examples("how-to/write-a-recipe.md")
     assert len(recipe_of(whole).sites) == 20
     head = "".join(line for line in whole.splitlines(True) if not line.startswith("sites"))
     for line in sites.splitlines():
