@@ -1,6 +1,6 @@
 """Design of an axis' observer from its known figures: model, gain, limits.
 
-Source: docs/explanation/observer.md, how it works.
+Source: docs/reference/observer.md.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ its acceleration. A constant, a step with the motion and slopes over velocity an
 friction's or something else's. Those are basis functions, as in iterative learning control; the
 moves are not repeated here: `learned_feedforward` weighs what they have in common.
 
-See docs/explanation/observer.md, what whole moves show.
+See docs/reference/observer.md, learning from whole moves.
 """
 
 from __future__ import annotations

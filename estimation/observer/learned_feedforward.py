@@ -7,7 +7,7 @@ value explains what both lacked, and no rival explains either as well, by what t
 of it. The force per acceleration is one such cause; whether mass or motor constant
 make it, moves do not tell.
 
-See docs/explanation/observer.md, what whole moves show.
+See docs/reference/observer.md, learning from whole moves.
 """
 
 from __future__ import annotations

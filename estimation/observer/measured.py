@@ -6,7 +6,7 @@ the first part, whatever it consists of; the observer is known exactly. What is 
 product L needs no model of the axis: no gain up to twice the chosen one may reach instability
 (L does not cross the real axis left of -1/2), and the sensitivity stays below its bound.
 
-See docs/explanation/observer.md, measuring.
+See docs/reference/observer.md, what is measured.
 """
 
 from __future__ import annotations

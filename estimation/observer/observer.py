@@ -1,6 +1,6 @@
 """The observers of a stage's axes, stepped at every SYNC.
 
-Source: docs/explanation/observer.md, how it works.
+Source: docs/reference/observer.md.
 """
 
 from __future__ import annotations

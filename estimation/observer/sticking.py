@@ -4,7 +4,7 @@ Presliding friction is a spring: an axis at rest gives way to every change of fo
 not, there is no spring. The observer that assumes one takes for friction's pull what has to be sent
 while the axis slides, overshoots by it, and the axis sticks anew beyond its target.
 
-See docs/explanation/observer.md, when it steps back.
+See docs/reference/observer.md, model.
 """
 
 from __future__ import annotations
