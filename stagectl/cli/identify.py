@@ -60,7 +60,7 @@ def command(
     "For the machine file" has only values that predict moves better than the machine file's do,
     moves that they were not estimated from. "held out" says for every value whether it does.
 
-    How to read sigma and gain: docs/explanation/estimator.md.
+    How to read sigma and gain: docs/how-to/identify.md.
     """
     from rich.text import Text
 

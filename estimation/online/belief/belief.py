@@ -40,7 +40,7 @@ REST_FORCE, TURN_FORCE, SLIP_FORCE, ORIGIN, RESIDUAL, KNOTS = range(LEVEL, LEVEL
 
 @dataclass(frozen=True, slots=True)
 class BeliefSettings:
-    """How belief starts and ages; docs/explanation/estimator.md says where the numbers come from.
+    """How belief starts and ages; docs/reference/estimator.md says where the numbers come from.
 
     Attributes:
         start_spread: 1-sigma of each of `FIGURES` before the first move, in its unit: relative,
