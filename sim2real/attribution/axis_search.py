@@ -140,7 +140,11 @@ class AxisSearch(AxisResult):
         return without - own > LEAST_GAIN
 
     def covariance(self) -> F64:
-        """See `AxisResult.covariance`: without the integration step, which no machine file has."""
+        """As of `AxisResult`, float64[P, P], without the integration step: no machine file has it.
+
+        Raises:
+            ValueError: the fit has none.
+        """
         found = self.best.covariance
         if found is None:  # without effects none was asked for until now
             found = fit(self.problem, self.best.model, 0).covariance

@@ -169,7 +169,7 @@ def list_candidates(result: AxisResult, causes: Sequence[Cause], gap: float) -> 
     Args:
         result: its search.
         causes: found on it.
-        gap: combined squared gap less its floor, of all axes.
+        gap: combined squared gap over the floor, less that of a perfect model, of all axes.
     """
     name = result.axis.name
     if not result.scanned and result.free is not None:

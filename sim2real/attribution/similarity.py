@@ -15,11 +15,11 @@ Pairs = dict[tuple[str, str], float]
 def signature_similarity(
     signatures: Mapping[str, NDArray[np.float64]], names: Sequence[str]
 ) -> Pairs:
-    """Absolute cosine of each pair of signatures.
+    """Absolute cosine of each pair of signatures, 0 to 1.
 
     Args:
         signatures: effect -> its part of the residual that base parameters cannot take up,
-            float64[R].
+            float64[R], all in one unit.
         names: effects to compare; those without a signature are left out.
     """
     units = {}

@@ -118,7 +118,13 @@ def check_demand_units(signals: AxisSignals, axis: AxisSettings) -> list[Channel
 
 
 def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> list[ChannelFinding]:
-    """Units, sign, scale and offset of the logged position against the demand, which it follows."""
+    """Units, sign, scale and offset of the logged position against the demand, which it follows.
+
+    Args:
+        signals: of the axis.
+        axis: of the machine file.
+        period: Ts [s].
+    """
     demand, actual = signals.position_demand, signals.position_actual
     valid = signals.valid
     if np.ptp(demand[valid]) < _SPREAD:

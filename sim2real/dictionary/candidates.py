@@ -156,7 +156,11 @@ class Dictionary:
         return list(effect_nodes(effect, self._axis, self._at.travelled, grid, self._at.waves))
 
     def left_over(self, signature: F64) -> F64:
-        """What base parameters and present effects leave of a signature, float64[R + B]."""
+        """What base parameters and present effects leave of a signature, float64[R + B].
+
+        A signature, float64[R], is the change of the weighted residual by an effect, in units of
+        its noise. Below what is left of it are the prior's B rows.
+        """
         return self._beside([signature])[:, 0]
 
     def scaled(self, effect: Effect, values: Values, size: float) -> tuple[Term, float]:

@@ -56,7 +56,7 @@ class Term:
         return ports
 
     def mapping(self) -> dict[str, float]:
-        """Key -> value."""
+        """Key -> value, in the unit of its parameter."""
         return {p.key: v for p, v in zip(self.effect.parameters, self.values, strict=True)}
 
 
@@ -148,7 +148,7 @@ def compose_stage(settings: StageSettings, models: Mapping[str, AxisModel]) -> S
 
 
 def reported_values(term: Term) -> Mapping[str, float]:
-    """Key -> value, with angles within 0..2 pi."""
+    """Key -> value in the unit of its parameter, angles within 0..2 pi [rad]."""
     return {
         p.key: v % (2.0 * math.pi) if p.role == "phase" else v
         for p, v in zip(term.effect.parameters, term.values, strict=True)

@@ -71,6 +71,9 @@ class Fitted:
 class AxisProblem:
     """One axis of one or several recordings of the same stage.
 
+    A residual holds weighted deviations: innovations of all valid samples over the standard
+    deviations that the filter expects, positions then forces, float64[R].
+
     Args:
         trackers: of the axis, one per recording.
         tolerance: relative standard deviation of the base parameters.

@@ -114,12 +114,19 @@ def from_coordinates(term: Term, axis: AxisSettings, where: F64) -> Term:
 
 
 def effect_coordinates(model: AxisModel, axis: AxisSettings) -> F64:
-    """Coordinates of all effects of a model, float64[P]."""
+    """Coordinates of all effects of a model, float64[P], in fitted units (`Coordinate`)."""
     return np.concatenate([np.empty(0), *(to_coordinates(term, axis) for term in model.terms)])
 
 
 def with_coordinates(model: AxisModel, axis: AxisSettings, base: F64, where: F64) -> AxisModel:
-    """The model with other base parameters, float64[NUISANCES], and coordinates, float64[P]."""
+    """The model with other base parameters and coordinates.
+
+    Args:
+        model: with its effects.
+        axis: of the machine file.
+        base: relative deviations and the refinement, float64[NUISANCES].
+        where: coordinates of all effects in fitted units, float64[P].
+    """
     widths = np.cumsum([len(term.values) for term in model.terms])
     parts = np.split(where, widths[:-1]) if model.terms else []
     terms = (

@@ -52,7 +52,8 @@ def fit(
         problem: what is fitted to.
         model: the start, effects included.
         iterations: of Gauss-Newton, at most.
-        base_columns: derivatives by the base parameters near the start; computed when None.
+        base_columns: derivatives of the residual by the relative base parameters near the start,
+            float64[R, NUISANCES]; computed when None.
         thorough: make all iterations, also where the cost hardly falls (`_SETTLED`), let a step
             raise it by up to `_SLACK`, and compute the covariance at the end.
     """

@@ -71,7 +71,11 @@ def sandwich_covariance(covariance: F64, scores: F64) -> F64:
 
 
 def invert_scaled(normal: F64) -> F64:
-    """Covariance by the model's noise, whatever the columns' units."""
+    """Covariance by the model's noise, whatever the columns' units.
+
+    Args:
+        normal: normal matrix of the weighted residual and the prior, float64[P, P].
+    """
     scale = _scale(normal)
     scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
     return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))

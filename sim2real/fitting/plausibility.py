@@ -14,10 +14,11 @@ parameter, in that unit."""
 
 
 def implausibility(term: Term, axis: AxisSettings) -> float:
-    """How far an effect's sizes and shapes lie beyond their plausible ranges, in tenths of these.
+    """How far an effect's sizes and shapes lie beyond their plausible ranges.
 
-    A size may lie anywhere between its range and its neutral value. Each parameter counts
-    `_MOST_TENTHS` at most. Where any size is plausible (`Effect.any_size`) it is 0.
+    In units of a tenth of the range, added up over the parameters. A size may lie anywhere between
+    its range and its neutral value. Each parameter counts `_MOST_TENTHS` at most. Where any size is
+    plausible (`Effect.any_size`) it is 0.
     """
     total = 0.0
     if term.effect.any_size:
@@ -81,6 +82,11 @@ def is_within_tolerance(term: Term, axis: AxisSettings, tolerance: float) -> boo
     """Whether an effect is no more than a plant figure within the machine file's tolerance.
 
     A deviation beyond `MAX_SIGMAS` is an effect (docs/formats/gap-report.md).
+
+    Args:
+        term: the effect.
+        axis: of the machine file.
+        tolerance: relative standard deviation of the plant's figures.
     """
     if len(term.values) != 1:
         return False

@@ -1,4 +1,7 @@
-"""A model fitted to the free loop: Gauss-Newton, with the machine file's tolerance as a prior."""
+"""A model fitted to the free loop: Gauss-Newton, with the machine file's tolerance as a prior.
+
+Source: docs/decisions/0014-free-loop.md.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +53,8 @@ def fit_free(
         model: to start from.
         iterations: at most.
         moves: that count, bool[moves]; None for all.
-        base_columns: derivatives by the base parameters near the start, float64[R, STEP]: they
-            hardly depend on the effects; computed when None.
+        base_columns: derivatives of the residual by the relative base parameters near the start,
+            float64[R, STEP]: they hardly depend on the effects; computed when None.
 
     Raises:
         ValueError: the start is not physical.
@@ -133,8 +136,9 @@ def derivatives(
 def move_covariance(loop: FreeLoop, fitted: Fitted) -> F64:
     """Covariance of a fit, float64[P, P]: by the prior's noise and by the scatter between moves.
 
-    The residual of an incomplete model is not noise; the disagreement between moves is a better
-    measure (sandwich estimate, clustered by move).
+    Of the relative base parameters, then of the effects' coordinates in fitted units. The residual
+    of an incomplete model is not noise; the disagreement between moves is a better measure
+    (sandwich estimate, clustered by move).
     """
     inverse, columns, weight = _least_squares(loop, fitted)
     scores = np.zeros((len(loop.samples), columns.shape[1]))

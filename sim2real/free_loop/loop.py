@@ -3,6 +3,8 @@
 No filter corrects the run, so what is left is what users see: the gap. A residual, float64[R], is
 recorded minus simulated over the floor: positions of the valid samples of a recording, then their
 forces, then the next recording.
+
+Source: docs/decisions/0014-free-loop.md.
 """
 
 from __future__ import annotations

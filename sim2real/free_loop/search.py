@@ -4,6 +4,8 @@ Every effect of the library is tried beside what was found; the best ones are fi
 of those is kept where it pays: by its score on all moves, and on moves that took no part in its
 fit. After each step every earlier effect has to show that it is still needed, and that no other
 would do better in its place.
+
+Source: docs/decisions/0014-free-loop.md.
 """
 
 from __future__ import annotations

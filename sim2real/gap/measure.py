@@ -155,7 +155,7 @@ def compare_with_model(
 
 
 def combined_floors(gap: Mapping[str, Mapping[str, GapFigures]]) -> float:
-    """The combined gap in floors: the one figure that reasons, tables and pages give for it."""
+    """The combined gap over its floor: the one figure that reasons, tables and pages give."""
     return math.sqrt(combined_gap(gap))
 
 
@@ -197,7 +197,9 @@ def pool_gaps(gaps: Sequence[tuple[Gap, int]]) -> Gap:
 
 
 def gap_closed(before: Gap, after: Gap) -> float | None:
-    """Gap closed from one model to another: 1 - (G1^2 - floor^2)/(G0^2 - floor^2).
+    """The share of the gap that is closed from one model to another.
+
+    1 - (G1^2 - floor^2)/(G0^2 - floor^2).
 
     Args:
         before: G0, of the machine file as given.

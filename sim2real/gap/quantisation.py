@@ -38,7 +38,7 @@ def coarse_steps(signals: AxisSignals, axis: AxisSettings) -> dict[str, float]:
 
 
 def quantisation_step(values: FloatArray) -> float | None:
-    """The step that values are multiples of, None where there is none."""
+    """The step that values, float64[K], are multiples of, in their unit; None without one."""
     levels = np.unique(values)
     if len(levels) < 3:
         return None

@@ -117,7 +117,7 @@ class MotionLoop(FreeLoop):
         super().__init__(name, measured, settings, tolerance, workers)
 
     def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
-        """See `FreeLoop.respond`."""
+        """As `FreeLoop.respond`, along the measured motion, float64[P, variants] each [m, N]."""
         motion = self.motions[number]
         moved = motion.axes[self.name]
         force = force_variants(
@@ -130,7 +130,7 @@ class MotionLoop(FreeLoop):
         return position, motion.low_pass(self.name, force)
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
-        """See `FreeLoop.respond_jointly`."""
+        """As `FreeLoop.respond_jointly`, along the measured motion, float64[P] each [m, N]."""
         motion = self.motions[number]
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         _, force = _forces_along(motion, replace(self.settings, axes=axes))

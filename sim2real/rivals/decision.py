@@ -5,6 +5,8 @@ prediction is within one standard error over blocks of moves of the best curve's
 a fiftieth of the gap. Several effects that show along the motion have to predict clearly better
 than one curve. Where a curve beside the effects predicts clearly better than these alone, those
 keep their names that are needed beside it.
+
+Source: docs/decisions/0019-rivals.md.
 """
 
 from __future__ import annotations

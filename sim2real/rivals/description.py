@@ -10,6 +10,8 @@ fitted along the measured motion by least squares with a penalty on second diffe
 strokes that took no part, and limited to what effects can represent. In those c(x) is a factor on
 the model's Coulomb force, so it cannot reverse friction, and it is 0 where that force is below the
 floor of the gap.
+
+Source: docs/decisions/0019-rivals.md.
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ All compete alike: each is least squares on the force that the machine file leav
 figures within their tolerance beside it, fitted to all but a group of moves and evaluated on that
 group. What goes with acceleration and its rate is fitted beside both: a drive reports the force at
 an instant, and within a SYNC period it is not constant.
+
+Source: docs/decisions/0019-rivals.md.
 """
 
 from __future__ import annotations
@@ -145,11 +147,11 @@ class Screen:
 
     @property
     def floor(self) -> float:
-        """Energy of a model that leaves nothing but noise."""
+        """Energy (squared deviations over the floor) of a model that leaves nothing but noise."""
         return 2.0 * self.samples
 
     def closed(self, prediction: Prediction) -> float:
-        """Share of the gap in force that a prediction closes."""
+        """How large a share of the gap in force a prediction closes."""
         above = max(self.open.energy - self.floor, 1e-9)
         return (self.open.energy - prediction.energy) / above
 
@@ -172,13 +174,19 @@ class Screen:
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
 
     def nodes(self, coordinate: Coordinate) -> F64 | None:
-        """Nodes of a curve, float64[n]; None where the recordings do not cover its coordinate."""
+        """Nodes of a curve, float64[n], in the coordinate's unit.
+
+        None where the recordings do not cover the coordinate.
+        """
         if coordinate.along == "wave":
             return self._wave(coordinate)
         return nodes(coordinate, self._courses)
 
     def extent(self, quantity: str) -> tuple[float, float]:
-        """Lowest and highest value of a quantity of the motion where the force is compared."""
+        """Lowest and highest value of a quantity of the motion where the force is compared.
+
+        In its SI unit (`Course.quantities`).
+        """
         pairs = zip(self._courses, self._used, strict=True)
         used = np.concatenate([course.quantities[quantity][own] for course, own in pairs])
         return float(used.min()), float(used.max())

@@ -1,6 +1,8 @@
 """The probability that an effect is present, by the scores of all sets of effects fitted.
 
 One model of probability for both objectives, tracked innovations and the free loop.
+
+Source: docs/decisions/0017-one-gate-one-score.md.
 """
 
 from __future__ import annotations
@@ -23,6 +25,9 @@ def weigh_effect(
         scores: names of a set, sorted -> twice its negative log likelihood, penalties included.
         chosen: names of the set that was chosen, in any order.
         effect: one of these.
+
+    Returns:
+        The probability, and names of the effects that could take its place.
     """
     own, least = set(chosen), min(scores.values())
     odds = {names: math.exp(0.5 * (least - value)) for names, value in scores.items()}

@@ -1,4 +1,7 @@
-"""What a set of effects costs, whatever it is fitted to."""
+"""What a set of effects costs, whatever it is fitted to.
+
+Source: docs/decisions/0017-one-gate-one-score.md.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,8 @@ from sim2real.scoring.constants import EACH, IMPLAUSIBLE, TRANSMISSION
 def effects_penalty(model: AxisModel, axis: AxisSettings) -> float:
     """Score that a model's effects have to save: for their number, their kind and their values.
 
-    Of two explanations that fit equally well the simpler and more plausible one wins.
+    In units of twice the negative log likelihood. Of two explanations that fit equally well the
+    simpler and more plausible one wins.
 
     Args:
         model: the model.

@@ -4,6 +4,8 @@ Error states, recorded minus simulated: position [m], velocity [m/s], force of t
 the slipping friction elements [N], factor on the Coulomb level [1].
 
 Kernels work on float64 arrays in place; a rate matrix or transition is [5, 5], an input [5].
+
+Source: docs/decisions/0012-tracked-innovations.md.
 """
 
 from __future__ import annotations

@@ -9,6 +9,8 @@ covariance says, and their sum of squares is a likelihood (prediction-error meth
 Identification, ch. 7) of the model with all its effects.
 
 The covariance comes from `sim2real.tracking.error_states`.
+
+Source: docs/decisions/0012-tracked-innovations.md.
 """
 
 from __future__ import annotations
@@ -74,7 +76,7 @@ def require_presliding(settings: StageSettings) -> None:
 
 
 class Tracker:
-    """Tracks one axis of a recording under any model of it.
+    """Tracks one axis of a recording under any model of it, in SI units.
 
     Args:
         replay: of the recording.

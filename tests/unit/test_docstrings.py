@@ -1,8 +1,8 @@
 """What a room offers says shapes, units, errors and sources where it has any.
 
 Offered is what the `__init__` of a room imports for others, and what docs/reference/python.md
-names; not of sim2real, whose rooms serve one another. Of classes, their public methods are looked
-at, too. A module may name the source of an equation or object for all of its functions.
+names. Of classes, their public methods are looked at, too. A module may name the source of an
+equation or object for all of its functions.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("drivers", "estimation", "hil_sim", "stagectl", "stagedata")
+PACKAGES = ("drivers", "estimation", "hil_sim", "sim2real", "stagectl", "stagedata")
 SHAPE = re.compile(r"\w+\[[^\]]+\]|(?i:shape|same (shape|length))|\[[A-Z](, \w+)*\]")
 UNIT = re.compile(
     r"\[[^\]]*\b(m|s|ms|ns|us|N|kg|Hz|rad|deg C|bit|counts?|increments|rated|day)\b[^\]]*\]|°C|"
@@ -28,6 +28,7 @@ SOURCE = re.compile(r"CiA 30[13]|equation \(\d|CiA 402|0x[0-9A-F]{4}|docs/\w+|\b
 OBJECTS_AND_EQUATIONS = (
     "drivers.drive", "drivers.motion", "hil_sim.cia402", "hil_sim.cia301", "hil_sim.plant",
     "estimation.friction", "estimation.online", "estimation.observer", "estimation.field",
+    "sim2real.tracking", "sim2real.free_loop", "sim2real.scoring", "sim2real.rivals",
 )  # fmt: skip
 """Rooms that implement equations, or objects of the drives' dictionary."""
 NO_EQUATIONS = {
