@@ -2,7 +2,7 @@
 
 One module per effect: `Effect` is what it implements, `EffectPorts` where it enters the plant,
 `parameter` makes its parameters, `library` lists those installed. How to add one:
-docs/sim-to-real.md.
+docs/how-to/add-an-effect.md.
 """
 
 from hil_sim.effects.effect import FED_FORWARD as FED_FORWARD
