@@ -7,6 +7,7 @@ import importlib
 import json
 import re
 import resource
+import tomllib
 from pathlib import Path
 from statistics import mean
 
@@ -99,6 +100,15 @@ def test_the_reference_has_every_key():
         assert text.count(f"| `{key}` |") == 1, key
     assert "| `sync_period` | s | > 0 … 1 | required |" in text
     assert "| `heartbeat` | s | 0.01 … 1 | 0.1 |" in text
+
+
+def test_the_version_is_the_same_wherever_it_stands():
+    text = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    first = re.search(r"^## (\S+)", text, re.MULTILINE)[1].strip("[]")
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    assert project == cited[1]
+    assert first in (project, "Unreleased")
 
 
 FIRST = (ROOT / "docs" / "tutorials" / "first-effect.md").read_text("utf-8")
