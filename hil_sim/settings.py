@@ -1,6 +1,6 @@
 """Settings of the simulator: frozen, in SI units, checked when made.
 
-Values and meaning: docs/reference-stage.md.
+Values and meaning: docs/reference/reference-stage.md.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stagedata import FrictionFigures, angular_unit
 from stagedata.ranges import NotNegative, Positive, check_ranges
 
 SUBSTEPS = 5
-"""Plant steps per control tick of the reference (docs/reference-stage.md)."""
+"""Plant steps per control tick of the reference (docs/reference/reference-stage.md)."""
 MOST_SUBSTEPS = 1000
 """Most plant steps per control tick that a stiff plant on a slow tick may take."""
 _LONGEST_COARSE_STEP = 2e-4

@@ -1,8 +1,8 @@
 """A recording of a run in memory: the samples of every axis and the moves they belong to.
 
 For each SYNC k it holds the setpoint pair sent (0x607A, 0x60B2) and the actual values sampled
-(0x6064, 0x6077, 0x6041), in SI units, on the timing of docs/reference-stage.md. Files are read and
-written by `stagectl.store`. Homing and jogging are not part of the samples.
+(0x6064, 0x6077, 0x6041), in SI units, on the timing of docs/reference/reference-stage.md. Files are
+read and written by `stagectl.store`. Homing and jogging are not part of the samples.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class Recording:
 def aligned_demand(signals: AxisSignals, ratio: float) -> FloatArray:
     """Demand inside the drive at the instants the actual values are sampled.
 
-    d_k = r_{k-1} + (r_k - r_{k-1}) ratio with r_{-1} = r_0 (docs/reference-stage.md, Timing).
+    d_k = r_{k-1} + (r_k - r_{k-1}) ratio, r_{-1} = r_0 (docs/reference/reference-stage.md, Timing).
 
     Args:
         signals: of one axis, K samples.

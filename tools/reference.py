@@ -313,7 +313,7 @@ def _type(variable: ODVariable) -> str:
 
 
 PAGES: dict[str, Callable[[], str]] = {
-    "machine.md": lambda: page_of_file("Machine files", Machine, "machine.md"),
+    "machine.md": lambda: page_of_file("Machine files", Machine, "how-to/machine-file.md"),
     "recipe.md": lambda: page_of_file("Recipes", RecipeFile, "how-to/write-a-recipe.md"),
     "objects.md": page_of_objects,
 }

@@ -1,4 +1,4 @@
-"""What the force sampled at SYNC shows of the mass (docs/estimation.md, "Apparent mass").
+"""What the force sampled at SYNC shows of the mass (docs/explanation/estimation.md).
 
     python -m benchmarks.estimation.apparent_mass
 

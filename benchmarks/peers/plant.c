@@ -1,4 +1,4 @@
-/* One axis of docs/reference-stage.md in closed loop, without noise and effects: GMS friction, PID on
+/* One axis of docs/reference/reference-stage.md in closed loop, without noise and effects: GMS friction, PID on
    the encoder, a current loop of first order. `reference` makes SUBSTEPS steps per control tick,
    `coarse` one (hil_sim/plant/coarse.py). Plain C, written from the equations. */
 #include <math.h>

@@ -2,7 +2,7 @@
 
 `variation` is the Coulomb force on the way relative to that at the move's target, minus 1.
 
-Source: the slip equation of docs/reference-stage.md, with Fc a function of the position.
+Source: the slip equation of docs/reference/reference-stage.md, with Fc a function of the position.
 """
 
 from __future__ import annotations

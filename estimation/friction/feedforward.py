@@ -3,7 +3,7 @@
 Predicted by driving a copy of the handed-over state along the demand, evaluated a little ahead of
 it: the drive holds its output for a control tick, half of which is a delay.
 
-When a force acts: docs/reference-stage.md, timing.
+When a force acts: docs/reference/reference-stage.md, timing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Friction force along sampled positions, with its derivatives; driven by positions, not speeds.
 
-Source: the equations of docs/reference-stage.md, in the displacement instead of the speed.
+Source: the equations of docs/reference/reference-stage.md, in the displacement, not the speed.
 """
 
 from __future__ import annotations

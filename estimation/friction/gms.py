@@ -14,7 +14,7 @@ step it falls into. C/Fc is the parameter, not C: it is what stays when Fc chang
 While all elements slip, each goes through the same affine map F_i <- K F_i + nu_i G: the map is
 kept instead of the elements, which are brought up to date when the motion ends.
 
-Source: docs/reference-stage.md, the plant.
+Source: docs/reference/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Viscous friction sigma_v v is linear, the same in every law, and added by whoever uses the force.
 
-Source: docs/reference-stage.md, the plant.
+Source: docs/reference/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

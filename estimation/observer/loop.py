@@ -2,8 +2,9 @@
 
 In error coordinates: what is followed is the deviation from the demand inside the drive, so that
 demand and planned force offset drop out, and what they do not cover is a disturbance. The drive's
-law is that of docs/reference-stage.md ("The drive, each control tick"), the mechanics between ticks
-are exact (matrix exponential): no code and no integration step is shared with the simulator.
+law is that of docs/reference/reference-stage.md ("The drive, each control tick"), the mechanics
+between ticks are exact (matrix exponential): no code and no integration step is shared with the
+simulator.
 
 Not modelled: rounding, clamping, and the kinks of a demand that the drive interpolates.
 """

@@ -1,10 +1,10 @@
 """The virtual drive's loops, one control tick at a time, compiled.
 
 Position loop: PID on the encoder with a low-passed derivative, plus force offset, clamped to the
-peak force; the integrator stops while clamped (docs/reference-stage.md, "The drive, each control
-tick"). Or a cascade, as in drives with a velocity loop (and in the EMPS benchmark): the output of a
-proportional position loop is the setpoint of a PI loop on the encoder's velocity. The current loop,
-a first-order lag, is integrated with the plant.
+peak force; the integrator stops while clamped (docs/reference/reference-stage.md, "The drive, each
+control tick"). Or a cascade, as in drives with a velocity loop (and in the EMPS benchmark): the
+output of a proportional position loop is the setpoint of a PI loop on the encoder's velocity. The
+current loop, a first-order lag, is integrated with the plant.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ the positions, and only oscillators are integrated, in as many steps as they nee
 controller and reported force (dead time, current loop) does not show, nor does a misreading of the
 encoder, whose positions are taken for the motion.
 
-Source: docs/reference-stage.md, the plant.
+Source: docs/reference/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 One kernel simulates every stage. What the plain model does not have enters through ports
 (`hil_sim.plant.ports.disturbances`); an axis without ports takes the plain path, bit for bit.
 
-A control tick at time t (docs/reference-stage.md): the encoder reading taken at t feeds the
-position loop, whose output drives current loop and plant until t + Tc, when the encoder is read
+A control tick at time t (docs/reference/reference-stage.md): the encoder reading taken at t feeds
+the position loop, whose output drives current loop and plant until t + Tc, when the encoder is read
 again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
 
 Not modelled: power electronics, commutation. Cables, the machine's base and much else are effects

@@ -4,7 +4,7 @@ The incremental encoder counts from 0 where it was powered on; `origin` is the t
 position actual value 0 and is set by homing. Positions of commands are added as integers, so that a
 target reaches the loop as exactly that many units.
 
-Source: docs/reference-stage.md, the drive.
+Source: docs/reference/reference-stage.md, the drive.
 """
 
 from __future__ import annotations

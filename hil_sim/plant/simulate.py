@@ -2,7 +2,7 @@
 
 It uses the same compiled mechanics that the virtual drives step.
 
-What it computes: docs/reference-stage.md.
+What it computes: docs/reference/reference-stage.md.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The plant stepped in control ticks: what the virtual drives work on.
 
-When what is sampled: docs/reference-stage.md, timing.
+When what is sampled: docs/reference/reference-stage.md, timing.
 """
 
 from __future__ import annotations

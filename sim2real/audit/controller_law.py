@@ -1,11 +1,12 @@
 """The drive's controller recomputed from the log: the force it must have commanded.
 
-The law is that of docs/reference-stage.md ("The drive, each control tick"): between two SYNCs the
-demand is known exactly, the encoder is interpolated by a cubic spline through the logged positions,
-and the commanded force passes through the current loop to the instant of sampling. The mechanics
-play no part: whatever acts on the stage, a drive that computes this law reports this force. On
-recordings of a stage that does, the remainder is the rounding of 0x6077. Dead time and current
-bandwidth lie between command and report, so they are seen here separately from everything else.
+The law is that of docs/reference/reference-stage.md ("The drive, each control tick"): between two
+SYNCs the demand is known exactly, the encoder is interpolated by a cubic spline through the logged
+positions, and the commanded force passes through the current loop to the instant of sampling. The
+mechanics play no part: whatever acts on the stage, a drive that computes this law reports this
+force. On recordings of a stage that does, the remainder is the rounding of 0x6077. Dead time and
+current bandwidth lie between command and report, so they are seen here separately from everything
+else.
 """
 
 from __future__ import annotations

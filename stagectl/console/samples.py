@@ -44,7 +44,7 @@ class SampleRing:
 
     Args:
         share: control period over SYNC period: where between two setpoints the demand is that a
-            sample is compared with (docs/reference-stage.md).
+            sample is compared with (docs/reference/reference-stage.md).
 
     Attributes:
         end: number of the next sample.

@@ -1,10 +1,11 @@
 """Coulomb-Stribeck friction of the simulated plant: no presliding, rest is rest.
 
-    F = sgn(v) s(v) Fc in motion, |F| <= s(0) Fc at rest;  s(v) as in docs/reference-stage.md
+    F = sgn(v) s(v) Fc in motion, |F| <= s(0) Fc at rest
 
-At rest the force is whatever keeps the axis there. So each step takes the force that brings the
-velocity to zero at its end, as far as the limit allows (implicit Euler, which neither chatters nor
-creeps). Viscous friction is the plant's business.
+with s(v) as in docs/reference/reference-stage.md. At rest the force is whatever keeps the axis
+there. So each step takes the force that brings the velocity to zero at its end, as far as the limit
+allows (implicit Euler, which neither chatters nor creeps). Viscous friction is the plant's
+business.
 """
 
 from __future__ import annotations

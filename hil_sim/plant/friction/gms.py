@@ -1,6 +1,6 @@
 """Generalized Maxwell-slip friction of the simulated plant, in steps of a few microseconds.
 
-Equations: docs/reference-stage.md, "The plant".
+Equations: docs/reference/reference-stage.md, "The plant".
 
 Element i sticks:  dF_i/dt = k_i sigma0 v, until F_i reaches nu_i s(v) Fc in the direction of v.
 Element i slips, until v goes through zero:  F_i <- F_inf + (F_i - F_inf) exp(-C dt/(s(v) Fc)),

@@ -1,6 +1,6 @@
 """The Stribeck curve, which all friction laws of the simulated plant share.
 
-Source: s(v) of docs/reference-stage.md, the plant.
+Source: s(v) of docs/reference/reference-stage.md, the plant.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The models of a machine file: the host's model of a stage or, after `--simulate`, the plant.
 
-They have exactly the keys of docs/machine.md, in SI units. The meaning of the parameters is in
-docs/reference-stage.md; conditions between them are in `stagectl.config.machine.checks`.
+They have exactly the keys of docs/how-to/machine-file.md, in SI units. The meaning of the
+parameters is in docs/reference/reference-stage.md; conditions between them are in
+`stagectl.config.machine.checks`.
 """
 
 from __future__ import annotations

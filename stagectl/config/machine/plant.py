@@ -33,7 +33,7 @@ class Repeatability(Section):
 
 
 class Friction(Section):
-    """Friction figures with their law, in the symbols of docs/reference-stage.md."""
+    """Friction figures with their law, in the symbols of docs/reference/reference-stage.md."""
 
     model: LawName
     """Friction law of the virtual stage and of the host's model: `gms`, generalized Maxwell slip,
@@ -83,4 +83,4 @@ class Plant(Section):
     """Moved mass."""
     friction: Friction
     """Friction of the guide; `friction: unknown` leaves all of it open ([machine
-    files](../machine.md#unknown-figures))."""
+    files](../how-to/machine-file.md#unknown-figures))."""

@@ -1,7 +1,8 @@
 """Every effect, alone and all at once, against the equations written out step by step.
 
-The other side is docs/reference-stage.md and docs/formats/effects.md in plain Python: no tables, no
-ports, dead time as a queue of substeps, the coupled axes by a linear system at every step.
+The other side is docs/reference/reference-stage.md and docs/formats/effects.md in plain Python: no
+tables, no ports, dead time as a queue of substeps, the coupled axes by a linear system at every
+step.
 """
 
 import functools

@@ -29,7 +29,7 @@ def test_the_recipe_pages_examples_load(recipe_of):
 
 
 def test_the_machine_pages_example_is_the_packaged_machine():
-    (example,) = examples("machine.md")
+    (example,) = examples("how-to/machine-file.md")
     machine = parse_machine(example.replace("  y: ...\n", ""), "machine.md")
     packaged = load_machine()
     assert machine.bus == packaged.bus

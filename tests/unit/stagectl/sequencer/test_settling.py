@@ -153,7 +153,7 @@ def test_statistics_over_axes_and_moves():
 
 
 def test_the_uncompensated_reference_recordings_settle_as_their_makers_measured():
-    """docs/reference-stage.md, last table, row `mass only`: medians over three recordings."""
+    """docs/reference/reference-stage.md, last table, `mass only`: medians over three recordings."""
     results = [
         r
         for name in ("null-1", "null-2", "null-3")
