@@ -1,4 +1,4 @@
-from .cia301.dictionary import CSP_DCF_PATH, EDS_PATH
+from .cia301.object_dictionary import CSP_DCF_PATH, EDS_PATH
 from .plant.simulate import simulate
 
 __all__ = [

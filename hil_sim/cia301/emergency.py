@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key, require
+from hil_sim.cia301.object_dictionary import Dictionary, key, require
 from hil_sim.ports import CanSegment
 
 CONNECTION_ABORTED = 0x8100  # NMT stopped or reset while enabled

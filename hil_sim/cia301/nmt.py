@@ -12,7 +12,7 @@ from functools import partial
 
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key, require
+from hil_sim.cia301.object_dictionary import Dictionary, key, require
 from hil_sim.ports import CanSegment, Timer
 
 BOOT_NS = 20_000_000  # from power-on or reset to the boot-up message

@@ -14,7 +14,7 @@ from typing import Any
 from canopen.objectdictionary import datatypes
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary, key, require
+from hil_sim.cia301.object_dictionary import Dictionary, key, require
 
 _ENTRIES = range(1, 9)
 _INVALID, _NO_RTR, _EXTENDED = 1 << 31, 1 << 30, 1 << 29

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia301.object_dictionary import Dictionary, key
 from hil_sim.cia301.pdo import EVENT
 from hil_sim.cia301.rpdo import Hooks, Rpdo, order_hooks
 from hil_sim.cia301.tpdo import Tpdo

@@ -13,7 +13,7 @@ from typing import Any
 
 from canopen import SdoAbortedError
 
-from hil_sim.cia301.dictionary import Dictionary, Value, key
+from hil_sim.cia301.object_dictionary import Dictionary, Value, key
 from hil_sim.cia301.pdo import Pdo
 from hil_sim.ports import CanSegment, Timer
 

@@ -17,7 +17,7 @@ from canopen import SdoAbortedError
 from canopen.sdo import constants as sdo
 from canopen.sdo.server import SdoServer
 
-from hil_sim.cia301.dictionary import Dictionary, require, require_length
+from hil_sim.cia301.object_dictionary import Dictionary, require, require_length
 from hil_sim.ports import CanSegment
 
 _MAX_DOWNLOAD = 4096  # bytes; a real drive's buffer is limited, too

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from hil_sim.cia301.dictionary import Dictionary, key, require
+from hil_sim.cia301.object_dictionary import Dictionary, key, require
 from hil_sim.cia301.pdo import EVENT, Pdo
 from hil_sim.ports import CanSegment, Timer
 

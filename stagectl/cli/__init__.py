@@ -19,7 +19,7 @@ COMMANDS = {
     "run": ("stagectl.cli.run", "Run a recipe on the stage or on its simulation."),
     "serve": ("stagectl.cli.serve", "Own the stage and serve clients."),
     "sim": ("stagectl.cli.sim", "Serve virtual drives on a CAN bus in real time."),
-    "console": ("stagectl.cli.console_page", "Serve the operator's web page."),
+    "console": ("stagectl.cli.console", "Serve the operator's web page."),
     "scan": ("stagectl.cli.scan", "List the nodes on the bus."),
     "status": ("stagectl.cli.status", "Show state, position, force and errors of the axes."),
     "enable": ("stagectl.cli.bench:enable", "Enable the drives and hold the stage in place."),

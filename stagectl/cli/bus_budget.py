@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_table, show_result
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, option, takes
+from stagectl.cli.terminal import make_table, show_result
 from stagectl.errors import StagectlError
 
 if TYPE_CHECKING:

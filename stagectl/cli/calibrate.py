@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for
 from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     JSON_OUT,
@@ -24,6 +23,7 @@ from stagectl.cli.options import (
 )
 from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions
+from stagectl.cli.terminal import console_for
 
 if TYPE_CHECKING:
     from stagectl.calibration import Calibration, SiteSequence

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench
-from stagectl.cli.console import make_table, show_result
 from stagectl.cli.file_kinds import PROFILE
 from stagectl.cli.files import Output
 from stagectl.cli.options import JSON_OUT, option, takes
 from stagectl.cli.signals import interruptible
+from stagectl.cli.terminal import make_table, show_result
 from stagectl.errors import StagectlError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_table, show_result
 from stagectl.cli.options import JSON_OUT, NumberRange
+from stagectl.cli.terminal import make_table, show_result
 from stagectl.doctor import NAMES, Finding, examine
 from stagectl.errors import StagectlError
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import show_result
 from stagectl.cli.options import JSON_OUT
+from stagectl.cli.terminal import show_result
 from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:

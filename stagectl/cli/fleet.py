@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar, show_result
 from stagectl.cli.files import HistoryFile
 from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import FILE, JSON_OUT, option, takes
 from stagectl.cli.progress import clock_time
 from stagectl.cli.signals import interruptible
+from stagectl.cli.terminal import console_for, progress_bar, show_result
 from stagectl.errors import StagectlError, missing_extra
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import PAGE
 from stagectl.cli.files import Output
 from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, option, takes, write_json
+from stagectl.cli.terminal import console_for, join_phases, progress_bar
 from stagectl.errors import UnusableInput, unusable
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.cli.gap_measure import (
     gap_along_motion,
     measured_gap,
     why_along_motion,
 )
 from stagectl.cli.options import JSON_OUT, RECORDING
+from stagectl.cli.terminal import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.diagnosis import machine_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.file_kinds import HTML, JSON, MACHINE_FILE, RECIPE_FILE
 from stagectl.cli.files import Output, check_output
 from stagectl.cli.options import (
@@ -21,6 +20,7 @@ from stagectl.cli.options import (
     takes,
     write_json,
 )
+from stagectl.cli.terminal import console_for, join_phases, progress_bar
 from stagectl.diagnosis import diagnose_recordings, machine_of
 
 if TYPE_CHECKING:

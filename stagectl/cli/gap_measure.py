@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING
+from stagectl.cli.terminal import ProgressUpdate, console_for, progress_bar, show_result
 from stagectl.diagnosis import machine_of
 from stagectl.errors import unusable
 

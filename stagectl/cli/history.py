@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, make_table
 from stagectl.cli.files import HistoryFile
 from stagectl.cli.history_access import HistoryOptions, has_estimates
 from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import FILE, JSON_OUT, UtcTime, option, takes, write_json
+from stagectl.cli.terminal import console_for, make_table
 from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:

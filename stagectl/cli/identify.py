@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console, show_result
 from stagectl.cli.options import FILE, JSON_OUT, RECORDING
+from stagectl.cli.terminal import make_console, show_result
 from stagectl.diagnosis import machine_of
 from stagectl.errors import UnusableInput
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from stagectl.cli.console import console_for
 from stagectl.cli.file_kinds import HTML, TABLE
 from stagectl.cli.files import Output
 from stagectl.cli.history_access import (
@@ -23,6 +22,7 @@ from stagectl.cli.options import (
     takes,
     write_json,
 )
+from stagectl.cli.terminal import console_for
 
 
 @click.command("show")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, make_console, make_table
 from stagectl.cli.file_kinds import HTML, JSON
 from stagectl.cli.files import Output, check_output
 from stagectl.cli.options import (
@@ -23,6 +22,7 @@ from stagectl.cli.options import (
 )
 from stagectl.cli.signals import interruptible
 from stagectl.cli.stage_options import ServerOption, StageOptions
+from stagectl.cli.terminal import console_for, make_console, make_table
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from stagectl.cli.console import console_for, make_table, progress_bar
 from stagectl.cli.file_kinds import PAGE
 from stagectl.cli.files import Output
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, option, takes, write_json
+from stagectl.cli.terminal import console_for, make_table, progress_bar
 from stagectl.errors import unusable
 
 if TYPE_CHECKING:

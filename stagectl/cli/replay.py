@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console, show_result
 from stagectl.cli.files import InputFolder
 from stagectl.cli.options import JSON_OUT
+from stagectl.cli.terminal import make_console, show_result
 
 if TYPE_CHECKING:
     from stagectl.run.replay import ReplayResult

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import console_for, show_result
 from stagectl.cli.files import HistoryFile, InputFolder, OutputFolder
 from stagectl.cli.options import (
     FILE,
@@ -23,6 +22,7 @@ from stagectl.cli.options import (
 )
 from stagectl.cli.signals import stop_on_signal
 from stagectl.cli.stage_options import ServerOption, StageCommand, StageOptions, warn_of_jitter
+from stagectl.cli.terminal import console_for, show_result
 from stagectl.errors import LimitsMissed
 
 if TYPE_CHECKING:

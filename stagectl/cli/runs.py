@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import make_console, show_result
 from stagectl.cli.files import InputFolder
 from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import JSON_OUT, UtcTime
+from stagectl.cli.terminal import make_console, show_result
 from stagectl.errors import UnusableInput
 
 if TYPE_CHECKING:

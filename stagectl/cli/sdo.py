@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench
-from stagectl.cli.console import show_result
 from stagectl.cli.lazy import LazyGroup
 from stagectl.cli.options import JSON_OUT, takes
+from stagectl.cli.terminal import show_result
 from stagectl.errors import StagectlError, UnusableInput, unusable
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ def _list_families(context: click.Context, _: click.Parameter, family: str | Non
     """Lists the families instead, where that is asked for."""
     if family != "?":
         return family
-    from stagectl.cli.console import console_for, make_table
+    from stagectl.cli.terminal import console_for, make_table
     from stagectl.config.profiles import families, load_profile
 
     rows = [(name, load_profile(name).drives) for name in families()]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.bus_access import Bench
-from stagectl.cli.console import make_table, show_result
 from stagectl.cli.options import JSON_OUT, takes
+from stagectl.cli.terminal import make_table, show_result
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -21,7 +21,7 @@ from .journal_to_recording import (
     recover_journal,
     recover_left_over,
 )
-from .ledger import CycleLedger
+from .cycle_ledger import CycleLedger
 from .log_reader import LoggedBus, LoggedFrame, read_log
 from .recording import (
     RunNotes,

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from stagectl.errors import UnusableInput
+from stagectl.store.cycle_ledger import CycleLedger
 from stagectl.store.journal import MAGIC, AxisScaling, JournalHeader, locked_journal, sample_dtype
 from stagectl.store.journal_records import Records, Samples, fill_missing
-from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import RunNotes
 from stagedata import F64, AxisSignals, Move, Recording
 

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.plain_text import one_line
 from stagectl.store.atomic import write_atomically
+from stagectl.store.cycle_ledger import CycleLedger
 from stagectl.store.hdf5 import (
     member_names,
     open_group,
@@ -33,7 +34,6 @@ from stagectl.store.hdf5 import (
     read_text,
     reason_of,
 )
-from stagectl.store.ledger import CycleLedger
 from stagedata import F64, Recording
 
 FORMAT = "stagectl-recording"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from stagectl.sequencer import MoveResult, MoveStatistics, statistics, summarise_moves
-from stagectl.store.ledger import CycleLedger
+from stagectl.store.cycle_ledger import CycleLedger
 from stagedata import F64, Recording
 
 _SHARES = {"median": 50, "p99": 99, "max": 100}

@@ -1,67 +1,65 @@
-"""What is printed is printed as it is; progress of several phases on one bar."""
+"""`stagectl console` where it cannot start: one line, exit code 2."""
 
-import re
-from pathlib import Path
+import fcntl
 
-from click.testing import CliRunner
-from rich.table import Table
+import pytest
 
-import stagectl
-from stagectl.cli import cli
-from stagectl.cli.console import join_phases, make_console, progress_bar
-from stagectl.cli.options import DATA
+from tests.command import stagectl
 
 
-def test_phases_share_one_bar_that_never_goes_back():
-    bar = []
-    advance = join_phases(("first", "second"), lambda *state: bar.append(state))
-    for what, done, total in (
-        ("first", 0, 4), ("first", 2, 4), ("second", 1, 2), ("first", 4, 4), ("second", 2, 2),
-        ("second", 0, 0),
-    ):  # fmt: skip
-        advance(what, done, total)
-    assert bar == [
-        ("first", 0, 200), ("first", 50, 200), ("second", 150, 200), ("first", 150, 200),
-        ("second", 200, 200), ("second", 200, 200),
-    ]  # fmt: skip
+@pytest.fixture(autouse=True)
+def runtime(tmp_path, monkeypatch):
+    monkeypatch.setenv("STAGECTL_RUNTIME", str(tmp_path))
+    return tmp_path
 
 
-HOSTILE = "[/b] [red]red[/red] :warning:"
+def refusal(*arguments):
+    done = stagectl("console", "--no-browser", *arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    return done.stderr
 
 
-def test_a_console_prints_names_as_they_are(capsys):
-    table = Table(title=HOSTILE)
-    table.add_column("[bold]name")
-    table.add_row(HOSTILE)
-    console = make_console()
-    console.print(HOSTILE, table)
-    said = capsys.readouterr().out
-    assert said.count(HOSTILE) == 3
-    assert "[bold]name" in said
+def test_no_server_and_none_to_be_started():
+    assert "--simulate or --bus" in refusal()
+    assert "'bench'" in refusal("--server", "bench")
 
 
-def test_what_is_being_done_is_no_markup_either(monkeypatch):
-    for name, value in (("FORCE_COLOR", "1"), ("TERM", "xterm"), ("COLUMNS", "160")):
-        monkeypatch.setenv(name, value)  # a bar is drawn on terminals only
-    console = make_console()
-    with console.capture() as shown, progress_bar(console, HOSTILE) as update:
-        update(f"{HOSTILE} again", 1, 2)
-    assert "[/b]" in shown.get()
+def test_several_servers(runtime):
+    locks = [(runtime / f"{name}.lock").open("w") for name in ("a", "b")]
+    for lock in locks:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+    assert "a, b" in refusal()
+    for lock in locks:
+        lock.close()
 
 
-def test_there_is_no_other_way_to_make_a_console():
-    made = [
-        path.name
-        for path in Path(stagectl.__file__).parent.rglob("*.py")
-        if re.search(r"(?<!class )\b(Plain)?Console\(", path.read_text(encoding="utf-8"))
-    ]
-    assert made == ["console.py"]
+def test_two_buses():
+    assert "--simulate" in refusal("--simulate", "--bus", "socketcan:can0")
 
 
-def test_a_machine_may_have_any_name(tmp_path):
-    machine = tmp_path / "machine.yaml"
-    text = (DATA / "machines/wafer-xy.yaml").read_text()
-    machine.write_text(re.sub(r"(?m)^machine: .*$", f"machine: '{HOSTILE}'", text))
-    done = CliRunner().invoke(cli, ["bus-budget", "--machine", str(machine)])
-    assert done.exit_code == 0, done.exception
-    assert HOSTILE in done.output
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::"])  # noqa: S104
+def test_the_network_needs_a_token(host):
+    assert "--token-file" in refusal("--simulate", "--host", host)
+
+
+@pytest.mark.parametrize("text", ["", "tiny!", "a token of many characters\n", "ü" * 20])
+def test_a_bad_token(runtime, text):
+    (runtime / "token").write_text(text)
+    said = refusal("--simulate", "--token-file", runtime / "token")
+    assert str(runtime / "token") in said
+    assert not text.strip() or text.strip() not in said
+
+
+def test_a_missing_token():
+    assert "no-such-file" in refusal("--simulate", "--token-file", "no-such-file")
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["stage.example", "https://stage.example/", "ftp://stage.example", "https://a@stage.example",
+     "https://Stage.example", "https://"],
+)  # fmt: skip
+def test_a_bad_origin(origin):
+    assert origin in refusal("--simulate", "--port", "0", "--origin", origin)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.cli.plain_console import PlainConsole
+from stagectl.cli.plain_terminal import PlainConsole
 from stagectl.cli.progress import RunProgress, clock_time
 from stagectl.config import load_machine
 from stagectl.recipe import load_recipe

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from stagectl.cli.plain_console import PlainConsole
+from stagectl.cli.plain_terminal import PlainConsole
 
 
 def test_a_broken_pipe_takes_no_other_stream_along(capfd):

@@ -1,4 +1,4 @@
-"""The console of all commands."""
+"""The rich console of all commands: it prints every text as it is."""
 
 from __future__ import annotations
 
