@@ -117,9 +117,18 @@ class Rivals:
         """The curves beside a model; None where it cannot be simulated, or leaves little."""
         linear = self.screen.linear(model)
         alone = None if linear is None else self.screen.predict(linear)
-        if alone is None or alone.energy <= NEAR * self.screen.floor:
+        if alone is None:
+            return None
+        if alone.energy <= NEAR * self.screen.floor and not self._is_clearly_better(alone):
             return None
         return Rivals(self.screen, _curves(self.screen, COORDINATES, linear), alone)
+
+    def _is_clearly_better(self, prediction: Prediction) -> bool:
+        """Whether the best curve predicts clearly better than something else."""
+        if self.best is None:
+            return False
+        excess, error = _compare(prediction, self.best.prediction)
+        return excess > _CLEARLY * error
 
     def unlisted(self, axis: str) -> tuple[Unlisted, ...]:
         """The coordinate that the force depends on, and those that could take its place."""
