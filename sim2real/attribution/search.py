@@ -49,6 +49,7 @@ from sim2real.scoring.constants import (
     PROMISING,
     RIVALS,
     SCALED,
+    TEMPER,
     WANDERS,
     WITHIN,
 )
@@ -199,7 +200,7 @@ class _Selection:
             last = ranking.best(last.model.names())
             if ranking.score(last) - ranking.score(best) < CLOSE:
                 last = ranking.enter(fit(problem, last.model, 4, thorough=False))
-            if ranking.score(last) - ranking.score(best) < LEAST_GAIN:
+            if self._saved(last, best) < LEAST_GAIN:
                 break
             if is_within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
                 break
@@ -249,6 +250,17 @@ class _Selection:
             wanders = [s for s in starts if s.from_wander and s.gain >= needed and s not in chosen]
             chosen += wanders[:WANDERS]
         return chosen, columns
+
+    def _saved(self, before: Alternative, after: Alternative) -> float:
+        """Score that a step saves: figures beyond their tolerance count as effects do (`TEMPER`).
+
+        A factor on the force that moves mass and friction five tolerances each leaves innovations
+        as good as figures so far off do.
+        """
+        tolerance = self._problem.spread[:STEP]
+        beyond = [float(np.square(a.model.base[:STEP] / tolerance).sum()) for a in (before, after)]
+        saved = self._ranking.score(before) - self._ranking.score(after)
+        return saved + (TEMPER - 1.0) * (beyond[0] - beyond[1])
 
     def _leads_somewhere(self, before: Alternative, after: Alternative, depth: int) -> bool:
         """Whether a step may be one of several that explain the axis.
