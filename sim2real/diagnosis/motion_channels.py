@@ -27,7 +27,7 @@ def audit_motion(
     """
     findings = []
     for axis in settings.axes:
-        if has_lost_sign(motion, axis.name, recording.axes[axis.name]):
+        if has_lost_sign(motion, axis, recording.axes[axis.name]):
             text = f"{axis.name}: force_actual has one sign while the motion reverses"
             findings.append(ChannelFinding(axis.name, "force_actual", "sign", None, "1", text=text))
             continue

@@ -2,9 +2,9 @@
 
 Least squares on the force in motion: mass times acceleration, viscous friction, the friction law's
 force along that motion per newton of the Coulomb force, and what is fitted but not reported: a
-smooth force over position (weight, springs), and friction that changes over time. Of presliding
-stiffnesses that are half a decade apart, the one is taken that leaves least. The figures are start
-values of the search, which fits them again together with the effects.
+smooth force over position (springs, weight, also of an arm that turns), and friction that changes
+over time. Of presliding stiffnesses that are half a decade apart, the one is taken that leaves
+least. The figures are start values of the search, which fits them again together with the effects.
 """
 
 from __future__ import annotations
@@ -20,13 +20,11 @@ from hil_sim.plant import force_variants
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_units import unit_on
 from sim2real.fitting import plant_figure, with_figures
-from sim2real.open_loop.motion import Motion
+from sim2real.open_loop.motion import Motion, smooth_over
 from stagedata import F64
 
 FIGURES = {"mass": "kg", "coulomb": "N", "viscous": "N s/m"}
 """Figures that may be unknown, and their units."""
-_POWERS = (0, 1, 2, 3)
-"""Powers of position in the smooth force that is fitted but not reported."""
 _DRIFT = (1, 2)
 """Degrees of the Legendre polynomials of time in the friction that is fitted but not reported: on
 average they are 0."""
@@ -142,8 +140,7 @@ class _Fit:
             low = {
                 key: motion.low_pass(axis.name, part)[moved.usable] for key, part in parts.items()
             }
-            place = moved.position[moved.usable] / max(reach, 1e-12)
-            smooth = [place**power for power in _POWERS]
+            smooth = smooth_over(moved.position[moved.usable], axis.rotary, reach)
             when = np.linspace(-1.0, 1.0, len(sliding))[moved.usable]
             smooth += [low["coulomb"] * eval_legendre(degree, when) for degree in _DRIFT]
             rows.append(np.column_stack([*(low[key] for key in names), *smooth]))

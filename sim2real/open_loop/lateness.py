@@ -1,9 +1,11 @@
 """How late a logged force is against the motion that it made, and whether it kept its sign.
 
 Least squares over the force as it was some time later: mass, friction, and what is fitted beside it
-as in `sim2real.open_loop.figures`. The delay is the one that leaves least. Low speeds are left out:
-what friction does there comes with the start and the end of an acceleration and would pass for a
-delay. So would a resonance, but a delay is the same below its frequency, too.
+as in `sim2real.open_loop.figures`. Friction may also depend on position, as that of a gear does on
+the weight it carries: beside a force over position it would pass for a delay. The delay is the one
+that leaves least. Low speeds are left out: what friction does there comes with the start and the
+end of an acceleration and would pass for a delay. So would a resonance, but a delay is the same
+below its frequency, too.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import eval_legendre
 
 from hil_sim.settings import AxisSettings
-from sim2real.open_loop.motion import AxisMotion, Motion, low_passed, spread
+from sim2real.open_loop.motion import AxisMotion, Motion, low_passed, smooth_over, spread
 from stagedata import F64, AxisSignals, BoolArray
 
 _SAMPLES, _SECONDS = 8, 0.05
@@ -75,12 +77,12 @@ def find_delay(motion: Motion, axis: AxisSettings) -> Delay | None:
     """
     cutoff = motion.axes[axis.name].cutoff
     usual = motion.period + 1.0 / (2.0 * math.pi * axis.control.current_bandwidth)
-    delay = measure_delay(motion, axis.name, cutoff)
+    delay = measure_delay(motion, axis, cutoff)
     if delay is None or delay.removed < _BETTER:
         return None
     if abs(delay.value) < usual + _CERTAIN * delay.sigma:
         return None
-    lower = [measure_delay(motion, axis.name, share * cutoff) for share in _LOWER]
+    lower = [measure_delay(motion, axis, share * cutoff) for share in _LOWER]
     if lower[0] is None:
         return None
     for slow in lower:
@@ -91,20 +93,20 @@ def find_delay(motion: Motion, axis: AxisSettings) -> Delay | None:
     return delay
 
 
-def measure_delay(motion: Motion, axis: str, cutoff: float) -> Delay | None:
+def measure_delay(motion: Motion, axis: AxisSettings, cutoff: float) -> Delay | None:
     """The delay of a force below a frequency; None where the motion does not tell.
 
     Args:
         motion: of a recording.
-        axis: its name.
+        axis: settings.
         cutoff: that frequency [Hz].
     """
-    moved = motion.axes[axis]
+    moved = motion.axes[axis.name]
     speed = np.abs(moved.velocity)
     slow = speed < _FAST * float(speed.max())
     around = max(1, round(0.5 / cutoff / motion.period))
     usable = moved.usable & ~spread(slow | ~moved.usable, around)
-    columns = _parts_of_force(moved, usable, cutoff, motion.period)
+    columns = _parts_of_force(moved, usable, axis.rotary, cutoff, motion.period)
     if len(columns) <= _PARTS * columns.shape[1]:
         return None
     at = np.flatnonzero(usable)
@@ -169,13 +171,15 @@ class _Fit:
         return float(found.x)
 
 
-def _parts_of_force(moved: AxisMotion, usable: BoolArray, cutoff: float, period: float) -> F64:
+def _parts_of_force(
+    moved: AxisMotion, usable: BoolArray, rotary: bool, cutoff: float, period: float
+) -> F64:
     """What the force is a sum of, the mass first, low-passed where usable, float64[P, N]."""
     velocity, sign = moved.velocity, np.sign(moved.velocity)
-    place = moved.position / max(float(np.abs(moved.position).max()), 1e-12)
-    when = np.linspace(-1.0, 1.0, len(place))
+    when = np.linspace(-1.0, 1.0, len(velocity))
     parts = [moved.acceleration, sign, velocity, np.abs(velocity), velocity * np.abs(velocity)]
-    parts += [place**power for power in range(4)]
+    smooth = smooth_over(moved.position, rotary)
+    parts += [*smooth, *(sign * part for part in smooth[1:])]
     parts += [sign * eval_legendre(degree, when) for degree in (1, 2)]
     return low_passed(np.column_stack(parts), cutoff, period)[usable]
 
@@ -186,7 +190,7 @@ def _basis(columns: F64) -> F64:
     return np.asarray(basis[:, sizes > 1e-9 * sizes[0]])
 
 
-def has_lost_sign(motion: Motion, axis: str, logged: AxisSignals) -> bool:
+def has_lost_sign(motion: Motion, axis: AxisSettings, logged: AxisSignals) -> bool:
     """Whether a force is the absolute value of the one that the motion took.
 
     It never changes its sign although the motion goes both ways, and a model that gives it signs
@@ -195,17 +199,17 @@ def has_lost_sign(motion: Motion, axis: str, logged: AxisSignals) -> bool:
 
     Args:
         motion: of a recording.
-        axis: its name.
+        axis: settings.
         logged: of the axis, as recorded.
     """
     force = logged.force_actual[logged.valid]
-    moved = motion.axes[axis]
+    moved = motion.axes[axis.name]
     if force.min() < 0.0 < force.max() or not moved.usable.any():
         return False
     ahead = float(np.mean(moved.velocity[moved.usable] > 0.0))
     if min(ahead, 1.0 - ahead) < _BOTH:
         return False
-    columns = _parts_of_force(moved, moved.usable, moved.cutoff, motion.period)
+    columns = _parts_of_force(moved, moved.usable, axis.rotary, moved.cutoff, motion.period)
     basis = _basis(columns / np.maximum(np.abs(columns).max(axis=0), 1e-12))
     size, model = moved.force[moved.usable], moved.velocity[moved.usable]
     for _ in range(_ROUNDS):

@@ -35,6 +35,8 @@ _AROUND = 0.5
 any force within its limits, and the low-pass spreads it. A shorter standstill is a reversal."""
 _BAND = 0.5
 """Share of the cutoff above which what a model leaves counts as noise."""
+_POWERS = (0, 1, 2, 3)
+"""Powers of position in a smooth force over it."""
 _SHORT = 0.01
 """Share of the travelled length below which a stroke belongs to the one before."""
 
@@ -220,6 +222,22 @@ def low_passed(values: F64, cutoff: float, period: float) -> F64:
     sections = butter(_ORDER, min(share, 0.9), output="sos")
     pad = min(len(values) - 1, round(3.0 / share) + 3 * _ORDER)
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+
+def smooth_over(position: F64, rotary: bool, reach: float | None = None) -> list[F64]:
+    """What a smooth force over position is a sum of, float64[P] each.
+
+    Springs and a weight are powers; the weight of an arm goes with sine and cosine of its angle,
+    which no power follows over a turn.
+
+    Args:
+        position: float64[P] [m].
+        rotary: whether the axis turns.
+        reach: largest distance from 0 [m]; that of the position where not given.
+    """
+    size = float(np.abs(position).max(initial=0.0)) if reach is None else reach
+    parts = [(position / max(size, 1e-12)) ** power for power in _POWERS]
+    return [*parts, np.sin(position), np.cos(position)] if rotary else parts
 
 
 def spread(flags: BoolArray, reach: int) -> BoolArray:

@@ -7,7 +7,7 @@ import pytest
 
 from sim2real.open_loop import find_delay, has_lost_sign, measure_motion
 from tests.unit.sim2real.open_loop.test_motion import imported
-from tests.unit.sim2real.other_machines import ACTUATOR, SCREW, TOOL
+from tests.unit.sim2real.other_machines import ACTUATOR, ROBOT, SCREW, TOOL, sliding, strokes
 
 
 def with_force(recording, force):
@@ -61,10 +61,30 @@ def test_a_load_behind_a_soft_shaft_is_not_a_delay(tmp_path):
     assert find_delay(measure_motion(recording, stage), stage.axes[0]) is None
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.03])
+def test_a_gear_that_rubs_with_the_weight_of_its_arm_has_no_delay(tmp_path, delay):
+    """A delay changes a force over position by the direction of motion, as such friction does."""
+
+    def force(t, q, v, a):
+        weight = -4.4 * np.sin(q)
+        return 0.46 * a + weight + sliding(v, 0.6, 1.0) + 0.06 * np.abs(weight) * np.sign(v)
+
+    there_and_back = strokes(3.1, (0.3, 0.6, 0.97), 3.0)
+    arm = replace(
+        ROBOT, motion=lambda t: there_and_back(t) - 2.6, force=force, duration=60.0, rate=100.0
+    )
+    recording, stage = imported(replace(arm, noise=(1e-5, 0.03)), tmp_path)
+    found = find_delay(measure_motion(delayed(recording, delay * arm.rate), stage), stage.axes[0])
+    if delay:
+        assert found.value == pytest.approx(delay, abs=4e-3)
+    else:
+        assert found is None
+
+
 @pytest.mark.parametrize("machine", [SCREW, TOOL])
 def test_a_rectified_force_has_lost_its_sign_and_a_weight_has_not(tmp_path, machine):
     recording, stage = imported(machine, tmp_path)
     force = recording.axes["a"].force_actual
     for values, lost in [(np.abs(force), True), (force - 1.1 * force.min(), False), (force, False)]:
         made = with_force(recording, values)
-        assert has_lost_sign(measure_motion(made, stage), "a", made.axes["a"]) is lost
+        assert has_lost_sign(measure_motion(made, stage), stage.axes[0], made.axes["a"]) is lost
