@@ -14,7 +14,7 @@ from stagectl.config.parsing.units import NotNegativeTime, Number
 from stagectl.config.parsing.validation import Section, validate
 from stagectl.config.parsing.yaml_nodes import load_document
 from stagectl.errors import ConfigError
-from stagectl.importing.log_machine import load_log_machine
+from stagectl.importing.log_machine import load_log_machine, stated_period
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ROTARY_UNITS = {
@@ -176,7 +176,7 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
     for name in machine.axes:
         if name not in found.axes:
             refuse(("axes",), f"axis {name} of the machine file is missing", True)
-    if found.time is None and "bus" not in given:
+    if found.time is None and stated_period(given) is None:
         refuse(("machine",), "the machine file has no bus.sync_period, and the map no time")
     times: dict[tuple[str, ...], Column | None] = {("time",): found.time}
     times |= {("files", name, "time"): file.time for name, file in found.files.items()}

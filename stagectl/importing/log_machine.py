@@ -15,16 +15,20 @@ from typing import Any
 
 import numpy as np
 import yaml
+from pydantic import TypeAdapter
 from scipy.signal import savgol_filter
 
 from sim2real.gap import quantisation_step
 from stagectl.config.machine import NO_BUS, Homing, Machine, position_unit_for
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.machine.unknown import UNKNOWN
+from stagectl.config.parsing.units import PositiveTime
 from stagectl.config.parsing.yaml_nodes import load_document
 from stagedata import AxisSignals, FloatArray, Recording
 
+_PERIOD = TypeAdapter(PositiveTime)
 _SECTIONS = ("travel", "limits", "encoder", "drive", "plant")
+_BUS = ("interface", "channel", "bitrate", "sync_period")
 _ANY_PERIOD = 1e-3
 _SMOOTHED = 11
 """Samples over which positions are differentiated."""
@@ -67,8 +71,9 @@ def load_log_machine(path: Path) -> Machine:
 
 def is_complete(data: Any) -> bool:
     """Whether a machine file says all that a stage needs."""
-    axes = data["axes"].values()
-    return "bus" in data and all(axis and set(_SECTIONS) <= set(axis) for axis in axes)
+    axes, bus = data["axes"].values(), data.get("bus")
+    has_bus = "bus" in data and (not isinstance(bus, dict) or set(_BUS) <= set(bus))
+    return has_bus and all(axis and set(_SECTIONS) <= set(axis) for axis in axes)
 
 
 def completed(given: Any, recording: Recording, period: float) -> Machine:
@@ -87,11 +92,24 @@ def completed(given: Any, recording: Recording, period: float) -> Machine:
 
 def _parsed(given: Any, signals: Mapping[str, AxisSignals], period: float, name: str) -> Machine:
     bus = {"interface": NO_BUS, "channel": "log", "bitrate": 1_000_000, "sync_period": period}
-    data = {"bus": bus, **copy.deepcopy(given)}
+    data = copy.deepcopy(given)
+    own_bus = data.get("bus") or {}
+    if isinstance(own_bus, dict):  # of another kind it is refused below
+        data["bus"] = bus | own_bus
+        period = stated_period(given) or period
     for number, (axis, own) in enumerate(data["axes"].items(), start=1):
         data["axes"][axis] = _axis(own or {}, number, signals[axis], period)
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=100)
     return parse_machine(f"# Completed from a log.\n{text}", name, fitted=True)
+
+
+def stated_period(data: Any) -> float | None:
+    """The SYNC period that a machine file states [s]; None where it states none, or no time."""
+    bus: Any = data.get("bus") if isinstance(data, dict) else None
+    try:
+        return float(_PERIOD.validate_python(bus["sync_period"]))
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _axis(given: Any, number: int, signals: AxisSignals, period: float) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
 from stagectl.importing.import_map import TIMES, AxisColumns, Column, ImportMap, unit_factor
-from stagectl.importing.log_machine import completed, is_complete
+from stagectl.importing.log_machine import completed, is_complete, stated_period
 from stagectl.store.hdf5 import MAX_SAMPLES
 from stagedata import AxisSignals, Move, Recording
 
@@ -53,7 +53,7 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     given: Any = machine.document.data
     period = machine.bus.sync_period
     files = {"": _read(path, how.preamble, how.time, period, how)}
-    if "bus" not in given:
+    if stated_period(given) is None:
         period = _own_period(files[""].time, path)
     for name, other in how.files.items():
         files[name] = _read(path.parent / other.path, other.preamble, other.time, period, how)

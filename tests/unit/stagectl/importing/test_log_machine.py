@@ -43,6 +43,19 @@ def test_the_period_is_that_of_the_log(tmp_path, period):
     assert len(recording) == round(12.0 / period)
 
 
+@pytest.mark.parametrize("stated", ["0.0002", "0.2 ms"])
+def test_a_log_without_times_needs_no_more_of_the_bus_than_its_period(tmp_path, stated):
+    """Also where it is shorter than the control period of most drives."""
+    _, how = SHORT.write(tmp_path)
+    (tmp_path / "machine.yaml").write_text(f"bus: {{sync_period: {stated}}}\n{LOG}")
+    how.write_text(how.read_text().replace("time: {column: time}\n", ""))
+    recording = import_recording(tmp_path / "log.csv", *load_map(how))
+    machine = parse_machine(recording.machine, "completed", fitted=True)
+    assert machine.bus.sync_period == 2e-4
+    assert machine.axes["a"].drive.control_period == 2e-4
+    assert recording.time[1] == 2e-4
+
+
 def test_what_it_says_stays(tmp_path):
     text = LOG + "    travel: [-1, 2]\n    rotary: true\n    drive: {rated_force: 2 kN}\n"
     _, machine = imported(SHORT, tmp_path, text)
