@@ -54,7 +54,8 @@ class Coordinate:
 
 
 _LIMIT = 4.0
-"""Values may be fitted up to this many times beyond what is plausible."""
+"""Values may be fitted up to this many times beyond what is plausible. Where any size is
+(`Effect.any_size`), sizes end at what physics allows."""
 
 
 def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
@@ -83,10 +84,11 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             )
         else:
             scale = max(abs(low - neutral), abs(high - neutral))
-            limit = neutral + _LIMIT * scale
+            is_free = effect.any_size and parameter.role == "size"
+            limit = math.inf if is_free else _LIMIT * scale
             entry = Coordinate(
                 parameter, scale, False,
-                max(floor, neutral - _LIMIT * scale), min(limit, parameter.below - 1e-9),
+                max(floor, neutral - limit), min(neutral + limit, parameter.below - 1e-9),
                 0.01, 0.5,
             )  # fmt: skip
         found.append(entry)

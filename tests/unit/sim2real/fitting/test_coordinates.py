@@ -25,3 +25,15 @@ def test_coordinates_go_there_and_back(nominal, name):
         step = 1e-6
         slope = (entry.outward(entry.inward(value) + step) - value) / step
         assert slope == pytest.approx(entry.slope(value), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["force_offset", "payload_mass", "viscous_damping"])
+def test_what_every_machine_may_have_has_any_size(nominal, name):
+    """A vertical axis carries many times its friction."""
+    axis, effect = nominal[1].axes[0], library()[name]
+    (entry,) = coordinates(effect, axis)
+    _, high = effect.parameters[0].ranges(axis)[-1]
+    assert entry.clipped(100.0 * high) == 100.0 * high
+    (other, *_) = coordinates(library()["cogging"], axis)
+    _, high = library()["cogging"].parameters[0].ranges(axis)[-1]
+    assert other.clipped(100.0 * high) < 10.0 * high
