@@ -26,11 +26,11 @@ from sim2real.fitting import (
     plant_figure,
     with_base,
 )
-from sim2real.free_loop import FreeSearch, move_covariance, search_free
+from sim2real.free_loop import FreeSearch, fit_figures, move_covariance, search_free
 from sim2real.held_out import FLOOR_LEVEL, FOLDS, HeldOut, Models, Remaining
 from sim2real.open_loop import FIGURES, MotionLoop, compare_along
-from sim2real.rivals import Screen, find_rivals
-from sim2real.scoring.constants import OPEN
+from sim2real.rivals import Rivals, Screen, find_rivals
+from sim2real.scoring.constants import ENOUGH, OPEN
 
 _UNKNOWN = 0.19
 """Relative standard deviation of a figure that the machine file leaves unknown, around the value
@@ -81,23 +81,26 @@ def search_along_motion(
             for n, effect in library.items()
             if effect.searched and n not in same and n not in _BEHIND
         }
-        loops[name], searches[name] = loop, search_free(loop, sought, advance)
+        loops[name], searches[name] = loop, search_free(loop, sought, advance, plain_first=True)
     progress("effects", 100 * len(names), 100 * len(names))
     results = {name: _result(search, loops[name]) for name, search in searches.items()}
-    return results, _hold_out(examined, searches)
+    kept = {name: result.free or searches[name] for name, result in results.items()}
+    return results, _hold_out(examined, kept)
 
 
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
-    best = search.best
-    covariance = move_covariance(loop, best)
     doubted: Sequence[str] = ()
     unlisted: tuple[Unlisted, ...] = ()
     if search.open_gap > OPEN * FLOOR_LEVEL:
         rivals = find_rivals(Screen(loop))
-        if search.names_causes() and rivals.leave_names([best.model]):
-            doubted, unlisted = rivals.beside(best.model)
+        search, keeps, plain = named(search, rivals)
+        model = search.best.model
+        if keeps:
+            doubted, unlisted = rivals.beside(model, plain)
         else:
-            doubted, unlisted = best.model.names(), rivals.unlisted(loop.name)
+            doubted, unlisted = model.names(), rivals.unlisted(loop.name)
+    best = search.best
+    covariance = move_covariance(loop, best)
     return AxisResult(
         axis=loop.axis,
         spread=loop.spread,
@@ -108,6 +111,32 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
         unlisted=unlisted,
         doubted=doubted,
     )
+
+
+def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[str, ...]]:
+    """What a search found, up to the last step whose effects keep their names against curves.
+
+    Where all its effects together do not keep them, fewer may that close nearly all of the gap: a
+    curve as good as three names may be no better than the first of these. A weight or a constant
+    pull that does so by itself is a name in any case. A curve over position contains it, and so
+    closes more wherever the force has any other course besides, which is given beside it.
+
+    Returns:
+        The search, whether its effects keep their names, and those that no curve can take.
+    """
+    if search.names_causes() and rivals.leave_names([search.best.model]):
+        return search, True, ()
+    for number, step in reversed(list(enumerate(search.steps))):
+        if step.closed < ENOUGH:
+            break
+        plain = all(term.effect.any_size for term in step.model.terms)
+        if not plain and (step is search.steps[-1] or not rivals.leave_names([step.model])):
+            continue
+        best, folds = fit_figures(search.loop, step.model)
+        fewer = replace(search, best=best, folds=folds, steps=search.steps[: number + 1])
+        if fewer.names_causes():
+            return fewer, True, step.model.names() if plain else ()
+    return search, False, ()
 
 
 def _hold_out(examined: Examination, searches: Mapping[str, FreeSearch]) -> HeldOut:

@@ -27,6 +27,7 @@ from sim2real.scoring import effects_penalty, weigh_effect
 from sim2real.scoring.constants import (
     CHANCE,
     CLOSED,
+    ENOUGH,
     FITTED,
     FLIPS,
     HOPELESS,
@@ -124,6 +125,8 @@ def search_free(
     library: Mapping[str, Effect],
     progress: Callable[[float], object] = lambda _: None,
     rival: AxisModel | None = None,
+    *,
+    plain_first: bool = False,
 ) -> FreeSearch:
     """Find the effects of an axis.
 
@@ -132,6 +135,9 @@ def search_free(
         library: effects to consider.
         progress: called with the share done.
         rival: effects found otherwise; these are the result where they score better.
+        plain_first: an effect that every machine may have, such as a weight, is preferred to one
+            that does not predict other moves better. By scores alone it is not: where structure is
+            left, they take any difference for information.
     """
     selection = _Selection(loop, library)
     current = selection.fit(loop.start, SHORT)
@@ -146,6 +152,10 @@ def search_free(
         current = selection.look_back(new)
         folds = fit_folds(loop, current.model, folds)
         remaining = loop.held_out([fold.residual for fold in folds])
+        if plain_first:
+            current, folds, remaining = selection.prefer_plain(
+                current, folds, (plain, held, remaining)
+            )
         names, before = current.model.names(), search.best.model.names()
         progress(len(names) / MOST_EFFECTS)
         if _fall(loop, held, remaining)[0] < VISIBLE or not is_certain(held - remaining):
@@ -230,6 +240,58 @@ class _Selection:
             if swapped is not None and score(self._loop, swapped) < score(self._loop, fitted):
                 fitted = swapped
         return fitted
+
+    def prefer_plain(
+        self, fitted: Fitted, folds: list[Fitted], energies: tuple[F64, F64, F64]
+    ) -> tuple[Fitted, list[Fitted], F64]:
+        """The model with each effect replaced by a plain one that predicts as well.
+
+        Plain effects may have any size (`Effect.any_size`). Both explain alike then: their scores
+        differ by their penalties alone.
+
+        Args:
+            fitted: the model.
+            folds: fits of the same effects to all moves but a fold's.
+            energies: of the held-out moves without any effect, before this step, and with these.
+
+        Returns:
+            The model, its folds and the energies of the held-out moves.
+        """
+        unexplained, before, remaining = energies
+        for term in fitted.model.terms:
+            if term.effect.any_size:
+                continue
+            fewer = fitted.model.without(fitted.model.names().index(term.name))
+            if not self._loop.allows(fewer):
+                continue
+            alone = self.fit(fewer, SHORT)
+            for other in sorted(self._promising - set(fitted.model.names())):
+                effect = self._library[other]
+                if not effect.any_size or len(effect.parameters) > len(term.values):
+                    continue
+                starts, base_columns = self._candidates(alone, [other])
+                swapped = self._best_of(alone, starts[:RIVALS], base_columns)
+                if swapped is None:
+                    continue
+                tried = fit_folds(self._loop, swapped.model, folds)
+                left = self._loop.held_out([fold.residual for fold in tried])
+                closed = float((unexplained - remaining).sum())
+                lost = float((left - remaining).sum())
+                if lost > (1.0 - ENOUGH) * closed or left.sum() >= before.sum():
+                    continue
+                if lost > 0.0 and is_certain(left - remaining):
+                    continue
+                own, penalty = (
+                    score(self._loop, fitted),
+                    effects_penalty(fitted.model, self._loop.axis),
+                )
+                as_well = own - penalty + effects_penalty(swapped.model, self._loop.axis)
+                key = tuple(sorted(swapped.model.names()))
+                self.scores[key] = min(self.scores[key], as_well)
+                if as_well <= own:
+                    fitted, folds, remaining = swapped, tried, left
+                    break
+        return fitted, folds, remaining
 
     def _candidates(self, fitted: Fitted, names: Sequence[str]) -> tuple[list[Candidate], F64]:
         """Starts of these effects beside a model, best first; derivatives by base parameters."""

@@ -86,10 +86,13 @@ class Rivals:
                 return True
         return False
 
-    def beside(self, model: AxisModel) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
+    def beside(
+        self, model: AxisModel, kept: Sequence[str] = ()
+    ) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
         """Effects of a model that are not needed beside the best curve, and that curve.
 
         Nothing of either where the model leaves little, or no curve beside it closes most of that.
+        No curve takes the place of effects that are `kept`.
         """
         found, dropped = self._beside(model), list[str]()
         best = None if found is None else found.best
@@ -98,6 +101,8 @@ class Rivals:
         while model.terms:
             tried, whole = [], self.screen.model(model)
             for index in range(len(model.terms)):
+                if model.terms[index].name in kept:
+                    continue
                 rest = self.screen.linear(model.without(index))
                 curve = None if rest is None else self.screen.curve(best.coordinate, rest)
                 if rest is None or curve is None or whole is None:

@@ -22,7 +22,8 @@ EACH = 4.0
 """Score that each parameter of an effect must save: twice what chance saves, as in AIC."""
 TRANSMISSION = 4.0
 """Score that an effect must save in addition if only transmissions have it: an effect of the same
-form without a transmission is e^2, about seven times, as probable a priori. `emps`."""
+form without a transmission is e^2, about seven times, as probable a priori. `emps`. The weight of
+what an axis turns (`Effect.any_size`) is as usual as any."""
 IMPLAUSIBLE = 4.0
 """Score for each tenth of its plausible range by which a value exceeds it, for up to five tenths:
 at that distance a value is less likely by e^-10, not impossible."""

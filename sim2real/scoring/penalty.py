@@ -22,7 +22,7 @@ def effects_penalty(model: AxisModel, axis: AxisSettings) -> float:
     """
     return sum(
         EACH * len(term.values)
-        + TRANSMISSION * term.effect.transmission
+        + TRANSMISSION * (term.effect.transmission and not term.effect.any_size)
         + IMPLAUSIBLE * implausibility(term, axis)
         for term in model.terms
     )

@@ -8,10 +8,23 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import CascadeSettings
 from sim2real.diagnosis import diagnose, examine, examine_others, judge_elsewhere
+from sim2real.diagnosis.along_motion import named
 from sim2real.diagnosis.clock import find_common_clock
+from sim2real.fitting import Term, Workers
+from sim2real.free_loop import fit_figures, search_free
+from sim2real.open_loop import MotionLoop
 from stagectl.config import stage_settings
 from stagectl.importing import import_recording, load_map
-from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL, sliding, strokes
+from tests.unit.sim2real.other_machines import (
+    ACTUATOR,
+    BELT,
+    ROBOT,
+    SCREW,
+    TOOL,
+    sliding,
+    strokes,
+    swings,
+)
 
 
 def examined(machine, folder):
@@ -52,6 +65,70 @@ def test_a_machine_tool_with_a_counterweight(tool):
     assert mass.sigma < 10.0
     assert "no demand of a was logged" in report.reason
     assert report.channels == ()
+
+
+def test_a_pull_of_several_times_friction_is_no_spring(tmp_path):
+    """A vertical axis, whose friction wanders: a slope over position fits that a little better."""
+
+    def force(t, x, v, a):
+        level = 250.0 * (1.0 + 0.1 * np.sin(2 * np.pi * t / 17.0))
+        return 300.0 * a + sliding(v, level, 400.0) + 900.0
+
+    lift = replace(TOOL, force=force, duration=30.0)
+    report = report_of(lift, tmp_path, "force_offset", "cable_stiffness", "friction_asymmetry")
+    assert [c.effect for c in report.causes] == ["force_offset"]
+    assert report.causes[0].parameters["force"].value == pytest.approx(900.0, rel=0.03)
+
+
+def test_an_arm_that_hardly_turns_has_a_weight_rather_than_a_spring(tmp_path):
+    """Over a third of a radian both are a slope; the report says so."""
+
+    def force(t, q, v, a):
+        wander = 0.3 * np.sin(2 * np.pi * t / 7.0)
+        return 0.1 * a + sliding(v, 4.0, 3.0) + 8.0 * (q + 0.15) + wander
+
+    joint = replace(
+        ROBOT, motion=swings((0.15, 0.05), (0.3, 0.8)), force=force, noise=(1e-6, 0.5), rate=100.0
+    )
+    report = report_of(joint, tmp_path, "unbalance", "cable_stiffness", "friction_asymmetry")
+    assert [c.effect for c in report.causes] == ["unbalance"]
+    assert [set(c.effects) for c in report.confusable] == [{"unbalance", "cable_stiffness"}]
+
+
+@pytest.fixture(scope="module")
+def two_steps(tool):
+    """A search whose first step is a constant force, and whose second one no machine needs."""
+    loop = MotionLoop("a", tool[0].motions, tool[0].settings, 0.02, Workers(1))
+    search = search_free(loop, {"force_offset": library()["force_offset"]})
+    both = search.best.model.added(Term(library()["viscous_asymmetry"], (0.05,)))
+    more = replace(search.steps[0], effects=both.names(), added=("viscous_asymmetry",), model=both)
+    best, folds = fit_figures(loop, both)
+    return replace(search, best=best, folds=folds, steps=[*search.steps, more])
+
+
+class Curves:
+    """Rivals of which some names are not taken."""
+
+    def __init__(self, *kept):
+        self.kept = kept
+
+    def leave_names(self, models):
+        return any(model.names() in self.kept for model in models)
+
+
+def test_what_several_effects_cannot_keep_the_first_may(two_steps):
+    offset, both = ("force_offset",), ("force_offset", "viscous_asymmetry")
+    for kept, names, plain in [
+        ([both], both, ()),
+        ([], offset, offset),
+        ([offset], offset, offset),
+    ]:
+        found, keeps, untaken = named(two_steps, Curves(*kept))
+        assert (found.best.model.names(), keeps, untaken) == (names, True, plain)
+        assert [step.effects for step in found.steps][-1] == names
+    early = [replace(step, closed=0.8) for step in two_steps.steps]
+    found, keeps, _ = named(replace(two_steps, steps=early), Curves(offset))
+    assert (found.best.model.names(), keeps) == (both, False)
 
 
 @pytest.mark.slow
