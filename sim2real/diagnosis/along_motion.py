@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil_sim.effects import Effect
+from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
 from sim2real.axis_units import unit_on
 from sim2real.diagnosis.examination import Examination, Progress
@@ -35,6 +36,9 @@ from sim2real.scoring.constants import ENOUGH, OPEN
 _UNKNOWN = 0.19
 """Relative standard deviation of a figure that the machine file leaves unknown, around the value
 that least squares find."""
+_UNTOLD, _NEGLIGIBLE = 1.0, 0.1
+"""The same of an unknown mass whose inertia is less than this share of the Coulomb force: the
+motion hardly tells it."""
 _MASS = 0.01
 """Smallest tolerance of the mass. A drive reports the force at one instant, and the force varies
 within a SYNC period: on the reference stage by 2.4 % of mass times acceleration."""
@@ -74,6 +78,8 @@ def search_along_motion(
         )
         for at, figure in enumerate(BASE):
             least = _UNKNOWN if figure in unknown else _MASS if figure == "mass" else 1e-4
+            if figure == "mass" and figure in unknown and _is_light(examined, loop.axis):
+                least = _UNTOLD
             loop.spread[at] = max(float(loop.spread[at]), least)
         same = {effect for figure in unknown for effect in _SAME_AS.get(figure, ())}
         sought = {
@@ -86,6 +92,14 @@ def search_along_motion(
     results = {name: _result(search, loops[name]) for name, search in searches.items()}
     kept = {name: result.free or searches[name] for name, result in results.items()}
     return results, _hold_out(examined, kept)
+
+
+def _is_light(examined: Examination, axis: AxisSettings) -> bool:
+    """Whether the inertia of an axis is small beside its friction."""
+    moved = [motion.axes[axis.name] for motion in examined.motions]
+    rates = np.concatenate([own.acceleration[own.usable] for own in moved])
+    inertia = axis.mass * math.sqrt(float(np.mean(rates**2))) if len(rates) else 0.0
+    return inertia < _NEGLIGIBLE * axis.friction.coulomb
 
 
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:

@@ -35,6 +35,9 @@ _PARTS = 8
 """Parts of the recordings, each left out once, that show how well a mass is known."""
 _CERTAIN = 2.0
 """Standard deviations by which a mass must differ from 0."""
+_NEGLIGIBLE = 0.1
+"""Share of the Coulomb force that the inertia of one standard deviation of a mass may take where
+the motion does not tell it: any such mass will do."""
 _LEAST_FRICTION = 1e-6
 """Lower limit of Coulomb friction, as a share of the rms force: a plant always has some."""
 
@@ -72,7 +75,8 @@ def _fit_axis(
     best = min(range(len(fits)), key=lambda number: fits[number].left)
     figures = dict(zip(names, fits[best].found, strict=False))
     if "mass" in figures:
-        _require_mass(axis, figures["mass"], fits[best].scatter())
+        measured = all(motion.axes[axis.name].shows_acceleration for motion in motions)
+        figures["mass"] = _told_mass(axis, figures, fits[best], measured)
     least = _LEAST_FRICTION * float(np.std(fits[best].target))
     for key in {"coulomb", "viscous"} & figures.keys():
         figures[key] = max(figures[key], least if key == "coulomb" else 0.0)
@@ -120,6 +124,7 @@ class _Fit:
         target: the force without that of known figures, float64[P] [N].
         found: the figures.
         left: what they leave, squared and summed [N^2].
+        acceleration: low-passed, rms, where the mass is fitted [m/s^2].
 
     Raises:
         ValueError: too few samples.
@@ -147,6 +152,7 @@ class _Fit:
             known = sum(plant_figure(axis, k) * low[k] for k in FIGURES if k not in names)
             targets.append(moved.force[moved.usable] - known)
         self._columns, self.target = np.concatenate(rows), np.concatenate(targets)
+        self.acceleration = float(np.sqrt(np.mean(self._columns[:, 0] ** 2)))
         if len(self.target) <= self._columns.shape[1]:
             raise ValueError(f"axis {axis.name}: too little motion to find {' and '.join(names)}")
         solved = _least_squares(self._columns, self.target)
@@ -168,10 +174,27 @@ def _least_squares(columns: F64, target: F64) -> F64:
     return np.asarray(np.linalg.lstsq(columns / size, target, rcond=1e-9)[0] / size)
 
 
-def _require_mass(axis: AxisSettings, mass: float, sigma: float) -> None:
-    """Refuse a mass that may as well be none."""
+def _told_mass(
+    axis: AxisSettings, figures: Mapping[str, float], fit: _Fit, measured: bool
+) -> float:
+    """The mass; its standard deviation where it may as well be none and hardly matters.
+
+    Args:
+        axis: with the figures that are known.
+        figures: as fitted.
+        fit: that found them.
+        measured: whether the motion shows its acceleration at all.
+
+    Raises:
+        ValueError: it matters and may as well be none.
+    """
+    mass, sigma = figures["mass"], fit.scatter()
     if mass > _CERTAIN * sigma:
-        return
+        return mass
+    friction = figures.get("coulomb", axis.friction.coulomb)
+    is_light = mass > -_CERTAIN * sigma and sigma * fit.acceleration < _NEGLIGIBLE * friction
+    if measured and is_light:
+        return max(mass, sigma)
     found = f"axis {axis.name}: the mass is unknown, and its motion"
     size = f"{mass:.3g} ± {sigma:.2g} {unit_on(axis, 'kg')}"
     if mass < -_CERTAIN * sigma:

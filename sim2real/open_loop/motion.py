@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.gap import match_periods
+from sim2real.gap import match_periods, quantisation_step
 from sim2real.phases import split_phases
 from stagedata import F64, AxisSignals, BoolArray, Move, Recording
 
@@ -53,6 +53,8 @@ class AxisMotion:
         cutoff: of the forces [Hz].
         noise: of the low-passed force and of mass times acceleration together, rms [N]; an upper
             limit, since forces of the controller at high frequencies count as noise here.
+        shows_acceleration: whether noise and steps of the position leave the acceleration below the
+            cutoff.
     """
 
     position: F64
@@ -63,6 +65,7 @@ class AxisMotion:
     usable: BoolArray
     cutoff: float
     noise: float
+    shows_acceleration: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,7 +169,8 @@ def _smoothed(
     unknown[0] = unknown[-1] = True  # filters know nothing beyond the ends
     usable = ~spread(unknown, around)
     low = low_passed(force, cutoff, period)
-    return AxisMotion(smooth, velocity, acceleration, low, force, usable, cutoff, noise)
+    shown = _shows_acceleration(position, cutoff, period)
+    return AxisMotion(smooth, velocity, acceleration, low, force, usable, cutoff, noise, shown)
 
 
 def _choose_cutoff(
@@ -188,6 +192,17 @@ def _choose_cutoff(
     noise = float(np.hypot(accelerating[best], own[best]))
     jitter = of_position * math.sqrt(2.0 * period * rate**2 * (2.0 * cutoff) ** 3 / 3.0)
     return cutoff, noise, jitter
+
+
+def _shows_acceleration(position: F64, cutoff: float, period: float) -> bool:
+    """Whether the noise of the acceleration up to the cutoff [Hz] is as small as it should be.
+
+    Of coarse positions that are sampled slowly no part is white: their steps count, too.
+    """
+    step = quantisation_step(position) or 0.0
+    sigma = max(_white_noise(position), step / math.sqrt(12.0))
+    noise = sigma * math.sqrt(2.0 * period * (2.0 * math.pi) ** 4 * cutoff**5 / 5.0)
+    return bool(noise <= _PART * _acceleration_below(np.array([cutoff]), position, period)[0])
 
 
 def _acceleration_below(frequencies: F64, position: F64, period: float) -> F64:

@@ -109,3 +109,22 @@ def test_a_motion_that_does_not_tell_the_mass_says_so(tmp_path):
         fit_figures(
             [measure_motion(recording, stage)], stage, {"a": ("mass", "coulomb", "viscous")}
         )
+
+
+@pytest.mark.parametrize("seed", [3, 6, 8])
+def test_a_mass_that_hardly_matters_need_not_be_known(tmp_path, seed):
+    """A joint whose accelerations take a thousandth of its friction: other figures are found."""
+    machine = replace(
+        ROBOT,
+        rate=100.0,
+        motion=swings((0.8, 0.2), (0.06, 0.13)),
+        force=lambda t, x, v, a: 0.01 * a + sliding(v, 4.0, 3.0) + 15.0 * np.sin(x),
+        noise=(1e-6, 0.3),
+        seed=seed,
+    )
+    recording, stage = imported(machine, tmp_path)
+    motion = measure_motion(recording, stage)
+    axis = fit_figures([motion], stage, {"a": ("mass", "coulomb", "viscous")}).axes[0]
+    acceleration = motion.axes["a"].acceleration
+    assert 0.0 < axis.mass * np.std(acceleration) < 0.4
+    assert axis.friction.coulomb == pytest.approx(4.0, rel=0.1)
