@@ -296,7 +296,7 @@ def examine_motion(
     settings = examined.settings
     if any(examined.unknown.values()):
         try:
-            settings = fit_figures(motions, settings, examined.unknown)
+            settings = fit_figures(motions, settings, examined.unknown, is_rough=True)
             # How smooth the motion must be depends on the mass.
             motions = _measure_motions(recordings, settings, examined.clock)
             settings = fit_figures(motions, examined.settings, examined.unknown)

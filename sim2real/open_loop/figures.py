@@ -31,6 +31,8 @@ average they are 0."""
 _STIFFER = (30.0, 10.0, 3.0, 1.0, 1.0 / 3.0, 0.1, 1.0 / 30.0)
 """Ratios of the presliding stiffnesses that are tried to the one in place of an unknown one. Softer
 ones would pass for forces over position."""
+_LEAST_MASS = 1e-9
+"""Of a plant [kg]."""
 _PARTS = 8
 """Parts of the recordings, each left out once, that show how well a mass is known."""
 _CERTAIN = 2.0
@@ -43,7 +45,11 @@ _LEAST_FRICTION = 1e-6
 
 
 def fit_figures(
-    motions: Sequence[Motion], settings: StageSettings, unknown: Mapping[str, Sequence[str]]
+    motions: Sequence[Motion],
+    settings: StageSettings,
+    unknown: Mapping[str, Sequence[str]],
+    *,
+    is_rough: bool = False,
 ) -> StageSettings:
     """The settings with unknown figures fitted to the recordings.
 
@@ -51,6 +57,8 @@ def fit_figures(
         motions: of the recordings.
         settings: with any values in their place.
         unknown: axis -> figures; keys of `FIGURES` are found.
+        is_rough: the motions are as smooth as the mass in `settings` needs them, which is none of
+            the machine: a mass that they do not tell is one standard deviation then.
 
     Raises:
         ValueError: the recordings do not determine a figure; names axis and figure.
@@ -60,12 +68,16 @@ def fit_figures(
         others = tuple(unknown.get(axis.name, ()))
         names = tuple(key for key in FIGURES if key in others)
         open_figures = names or "stiffness" in others
-        axes.append(_fit_axis(motions, axis, names, others) if open_figures else axis)
+        axes.append(_fit_axis(motions, axis, names, others, is_rough) if open_figures else axis)
     return replace(settings, axes=tuple(axes))
 
 
 def _fit_axis(
-    motions: Sequence[Motion], axis: AxisSettings, names: Sequence[str], others: Sequence[str]
+    motions: Sequence[Motion],
+    axis: AxisSettings,
+    names: Sequence[str],
+    others: Sequence[str],
+    is_rough: bool,
 ) -> AxisSettings:
     """The axis with these figures fitted; `others` are all that are unknown."""
     stiffer = _STIFFER if "stiffness" in others else (1.0,)
@@ -76,7 +88,10 @@ def _fit_axis(
     figures = dict(zip(names, fits[best].found, strict=False))
     if "mass" in figures:
         measured = all(motion.axes[axis.name].shows_acceleration for motion in motions)
-        figures["mass"] = _told_mass(axis, figures, fits[best], measured)
+        if is_rough:
+            figures["mass"] = max(figures["mass"], fits[best].scatter(), _LEAST_MASS)
+        else:
+            figures["mass"] = _told_mass(axis, figures, fits[best], measured)
     least = _LEAST_FRICTION * float(np.std(fits[best].target))
     for key in {"coulomb", "viscous"} & figures.keys():
         figures[key] = max(figures[key], least if key == "coulomb" else 0.0)

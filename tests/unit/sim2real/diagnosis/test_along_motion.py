@@ -277,3 +277,32 @@ def test_a_force_without_its_sign_is_named(tmp_path):
     assert found.insufficient == (
         "a: force_actual has one sign while the motion reverses: log it with its sign"
     )
+
+
+def test_a_slow_log_in_coarse_steps_is_insufficient(tmp_path):
+    """10 Hz and 1 mm, of strokes of 20 mm."""
+    slow = replace(TOOL, rate=10.0, motion=strokes(0.02, (0.01, 0.02), 0.5))
+    data, how = slow.write(tmp_path)
+    columns, model = load_map(how)
+    recording = import_recording(data, columns, model)
+    a = recording.axes["a"]
+    coarse = replace(a, position_actual=np.round(a.position_actual, 3))
+    found = examine(
+        [replace(recording, axes={"a": coarse})], stage_settings(model), unknown=model.unknown
+    )
+    assert "does not tell it" in found.insufficient
+
+
+def test_the_weight_of_an_arm_whose_inertia_is_next_to_nothing(tmp_path):
+    joint = replace(
+        ROBOT,
+        rate=50.0,
+        motion=swings((0.8, 0.2), (0.06, 0.13)),
+        force=lambda t, x, v, a: 0.01 * a + sliding(v, 0.5, 0.3) + 3.0 * np.sin(x),
+        noise=(1e-4, 0.02),
+        duration=60.0,
+    )
+    report = report_of(joint, tmp_path, "unbalance", "cable_stiffness", "force_offset")
+    assert [c.effect for c in report.causes] == ["unbalance"]
+    mass = figures(report)["mass"]
+    assert mass.value < 0.01 + 3.0 * mass.sigma
