@@ -153,9 +153,7 @@ def search_free(
         folds = fit_folds(loop, current.model, folds)
         remaining = loop.held_out([fold.residual for fold in folds])
         if plain_first:
-            current, folds, remaining = selection.prefer_plain(
-                current, folds, (plain, held, remaining)
-            )
+            current, folds, remaining = selection.prefer_plain(current, folds, (held, remaining))
         names, before = current.model.names(), search.best.model.names()
         progress(len(names) / MOST_EFFECTS)
         if _fall(loop, held, remaining)[0] < VISIBLE or not is_certain(held - remaining):
@@ -242,7 +240,7 @@ class _Selection:
         return fitted
 
     def prefer_plain(
-        self, fitted: Fitted, folds: list[Fitted], energies: tuple[F64, F64, F64]
+        self, fitted: Fitted, folds: list[Fitted], energies: tuple[F64, F64]
     ) -> tuple[Fitted, list[Fitted], F64]:
         """The model with each effect replaced by a plain one that predicts as well.
 
@@ -252,12 +250,12 @@ class _Selection:
         Args:
             fitted: the model.
             folds: fits of the same effects to all moves but a fold's.
-            energies: of the held-out moves without any effect, before this step, and with these.
+            energies: of the held-out moves before this step, and with these effects.
 
         Returns:
             The model, its folds and the energies of the held-out moves.
         """
-        unexplained, before, remaining = energies
+        before, remaining = energies
         for term in fitted.model.terms:
             if term.effect.any_size:
                 continue
@@ -271,15 +269,12 @@ class _Selection:
                     continue
                 starts, base_columns = self._candidates(alone, [other])
                 swapped = self._best_of(alone, starts[:RIVALS], base_columns)
-                if swapped is None:
+                if swapped is None or not self._takes_place(swapped, fitted, alone):
                     continue
                 tried = fit_folds(self._loop, swapped.model, folds)
                 left = self._loop.held_out([fold.residual for fold in tried])
-                closed = float((unexplained - remaining).sum())
                 lost = float((left - remaining).sum())
-                if lost > (1.0 - ENOUGH) * closed or left.sum() >= before.sum():
-                    continue
-                if lost > 0.0 and is_certain(left - remaining):
+                if left.sum() >= before.sum() or (lost > 0.0 and is_certain(left - remaining)):
                     continue
                 own, penalty = (
                     score(self._loop, fitted),
@@ -292,6 +287,17 @@ class _Selection:
                     fitted, folds, remaining = swapped, tried, left
                     break
         return fitted, folds, remaining
+
+    def _takes_place(self, swapped: Fitted, fitted: Fitted, fewer: Fitted) -> bool:
+        """Whether an effect closes nearly all that the one closes which it was put in place of.
+
+        Args:
+            swapped: with the effect.
+            fitted: with the other one.
+            fewer: without either.
+        """
+        left, own, open_ = (self._loop.gap(f.residual) for f in (swapped, fitted, fewer))
+        return left - own <= (1.0 - ENOUGH) * (open_ - own)
 
     def _candidates(self, fitted: Fitted, names: Sequence[str]) -> tuple[list[Candidate], F64]:
         """Starts of these effects beside a model, best first; derivatives by base parameters."""
