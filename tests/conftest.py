@@ -15,6 +15,9 @@ import os
 from contextlib import contextmanager
 from pathlib import Path
 
+# As for commands (stagectl/__main__.py): read when numpy is first imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import canopen
 import hypothesis
 import pytest

@@ -36,9 +36,9 @@ from sim2real.scoring.constants import ENOUGH, OPEN
 _UNKNOWN = 0.19
 """Relative standard deviation of a figure that the machine file leaves unknown, around the value
 that least squares find."""
-_UNTOLD, _NEGLIGIBLE = 1.0, 0.1
+_ANY_MASS, _NEGLIGIBLE = 1.0, 0.1
 """The same of an unknown mass whose inertia is less than this share of the Coulomb force: the
-motion hardly tells it."""
+motion hardly shows it."""
 _MASS = 0.01
 """Smallest tolerance of the mass. A drive reports the force at one instant, and the force varies
 within a SYNC period: on the reference stage by 2.4 % of mass times acceleration."""
@@ -79,7 +79,7 @@ def search_along_motion(
         for at, figure in enumerate(BASE):
             least = _UNKNOWN if figure in unknown else _MASS if figure == "mass" else 1e-4
             if figure == "mass" and figure in unknown and _is_light(examined, loop.axis):
-                least = _UNTOLD
+                least = _ANY_MASS
             loop.spread[at] = max(float(loop.spread[at]), least)
         same = {effect for figure in unknown for effect in _SAME_AS.get(figure, ())}
         sought = {

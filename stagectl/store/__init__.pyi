@@ -1,6 +1,7 @@
 from .asc_log import LOG_NAME, find_log
 from .atomic import write_atomically
 from .bus_log import SPOOL_NAME, BusLog, recover_log
+from .cycle_ledger import CycleLedger
 from .journal import (
     FILE_NAME,
     SAMPLE_TAG,
@@ -21,7 +22,6 @@ from .journal_to_recording import (
     recover_journal,
     recover_left_over,
 )
-from .cycle_ledger import CycleLedger
 from .log_reader import LoggedBus, LoggedFrame, read_log
 from .recording import (
     RunNotes,

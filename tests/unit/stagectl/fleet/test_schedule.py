@@ -104,6 +104,20 @@ def test_another_scheduler_gets_what_a_lost_one_has_not_finished(job):
     assert said == ["the scheduler was lost: waiting for one"]
 
 
+def test_workers_keep_no_profile_while_they_diagnose():
+    def profiled(dask_worker):
+        return sorted(set(dask_worker.periodic_callbacks) & {"profile", "profile-cycle"})
+
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0",
+        silence_logs=logging.CRITICAL,
+    ) as cluster:  # fmt: skip
+        with cluster_at(cluster.scheduler_address) as client:
+            assert list(client.run(profiled).values()) == [[]]
+        with Client(cluster) as client:
+            assert list(client.run(profiled).values()) == [["profile", "profile-cycle"]]
+
+
 def test_no_scheduler_is_one_line():
     with (
         pytest.raises(UnusableInput, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
