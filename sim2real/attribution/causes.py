@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +49,7 @@ def find_causes(
     """
     axis, terms = result.axis, result.best.model.terms
     causes: list[Cause] = []
+    limits: list[float] = []
     alike: list[Confusable] = []
     variances = np.diag(result.covariance())[STEP:] if terms else np.empty(0)
     sigmas = iter(np.sqrt(np.maximum(variances, 0.0)).tolist())
@@ -62,11 +64,12 @@ def find_causes(
             figures[key] = Parameter(values[key], sigma, unit_on(axis, entry.parameter.unit))
         probability, others = result.probability(term.name)
         gives_back, interval = held_out.given_back(axis.name, index)
+        limits.append(_largest_probability(result, term, figures, interval))
         causes.append(
             Cause(
                 axis.name,
                 term.name,
-                min(probability, _largest_probability(result, term, figures, interval)),
+                min(probability, limits[-1]),
                 figures,
                 gives_back,
                 interval,
@@ -77,7 +80,17 @@ def find_causes(
             where = "along this motion" if along_motion else "on these moves"
             why = f"{where} one fits nearly as well as the other{_later(result, term)}"
             alike.append(Confusable(axis.name, (term.name, *others), why))
+    if DOUBTED in limits:  # without what is doubted the others are not complete
+        result = replace(result, is_complete=False)
+        causes = [_limited(result, term, c) for term, c in zip(terms, causes, strict=True)]
     return causes, alike
+
+
+def _limited(result: AxisResult, term: Term, cause: Cause) -> Cause:
+    """A cause with no more than its largest probability in a result."""
+    interval = cause.gap_closed_interval or (0.0, 0.0)
+    limit = _largest_probability(result, term, cause.parameters, interval)
+    return replace(cause, probability=min(cause.probability, limit))
 
 
 def _later(result: AxisResult, term: Term) -> str:

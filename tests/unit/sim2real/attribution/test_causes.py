@@ -1,0 +1,79 @@
+"""Which probability the figures of an effect allow, and what a doubt says of the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from sim2real.attribution.axis_search import AxisResult
+from sim2real.attribution.causes import find_causes
+from sim2real.fitting import NUISANCES, STEP, AxisModel, Fitted, Term, coordinates
+from sim2real.scoring.constants import DOUBTED, UNCERTAIN
+
+
+class Searched(AxisResult):
+    """Every effect is probable, and needed where nothing is left."""
+
+    def probability(self, effect):
+        return 0.99, []
+
+    def is_needed(self, term):
+        return self.is_complete
+
+
+class GivenBack:
+    """What effects give back of the gap when they are removed."""
+
+    def __init__(self, *shares):
+        self.shares = shares
+
+    def given_back(self, axis, index):
+        share = self.shares[index]
+        return share, (share - 0.1, share + 0.1)
+
+
+@pytest.fixture
+def searched(nominal):
+    def make(sigmas, *terms):
+        axis = nominal[1].axes[0]
+        model = AxisModel(
+            np.zeros(NUISANCES), tuple(Term(library()[name], values) for name, values in terms)
+        )
+        slopes = [
+            abs(entry.slope(value))
+            for term in model.terms
+            for entry, value in zip(coordinates(term.effect, axis), term.values, strict=True)
+        ]
+        variances = np.square([s / slope for s, slope in zip(sigmas, slopes, strict=True)])
+        covariance = np.diag([*np.ones(STEP), *variances])
+        fitted = Fitted(model, 0.0, np.empty(0), covariance)
+        return Searched(axis=axis, spread=np.ones(STEP), best=fitted)
+
+    return make
+
+
+def probabilities(result, *shares):
+    causes, _ = find_causes(result, GivenBack(*shares), along_motion=True)
+    return {cause.effect: cause.probability for cause in causes}
+
+
+SPRING, PULL = ("cable_stiffness", (17.0, -0.02)), ("force_offset", (1.0,))
+
+
+def test_what_is_needed_may_have_an_uncertain_size_unless_another_effect_is_doubted(searched):
+    """A hose that pulls on one side was a spring of 17 +- 330 N/m beside a doubted cogging."""
+    result = searched([330.0, 0.1, 0.01], SPRING, PULL)
+    assert probabilities(result, 0.9, 0.5) == {"cable_stiffness": 0.99, "force_offset": 0.99}
+    doubted = probabilities(result, 0.9, 0.05)
+    assert doubted == {"cable_stiffness": DOUBTED, "force_offset": DOUBTED}
+    sure = searched([1.0, 0.001, 0.01], SPRING, PULL)
+    assert probabilities(sure, 0.9, 0.05) == {"cable_stiffness": UNCERTAIN, "force_offset": DOUBTED}
+
+
+def test_a_level_of_friction_and_a_shape_that_is_not_seen_are_less_sure(searched):
+    level = searched([0.001], ("coulomb_level", (1.2,)))
+    assert probabilities(level, 0.9) == {"coulomb_level": UNCERTAIN}
+    for sigma, expected in ((5.0, 0.99), (4000.0, UNCERTAIN)):
+        drift = searched([0.01, sigma], ("thermal_drift", (0.2, 50.0)))
+        assert probabilities(drift, 0.9) == {"thermal_drift": expected}
