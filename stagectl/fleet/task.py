@@ -6,6 +6,7 @@ completely or not at all, and is not computed again where it exists.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 from dataclasses import dataclass, replace
@@ -96,8 +97,19 @@ def diagnose_one(job: Job) -> Done:
     if not reused:
         row |= {"recording": job.url, "content": content, "version": job.version}
         folder.write(name, to_parquet([row], RESULT))
+        _return_memory()
     refusal = row["reason"] if row["verdict"] == REFUSED else None
     return Done(job.url, job.stamp, content, name, reused, refusal)
+
+
+def _return_memory() -> None:
+    """Give back to the system what the allocator keeps of freed memory, where it can (glibc).
+
+    A worker lives for thousands of diagnoses; fragments added a fifth to it within 300.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def _kept(folder: Folder, name: str) -> Row:
