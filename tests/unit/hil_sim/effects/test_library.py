@@ -171,7 +171,7 @@ def test_every_effect_enters_the_ports(effects, nominal):
 
 
 def test_the_example_of_the_docs_is_an_effect(nominal):
-    page = (DOCS / "sim-to-real.md").read_text(encoding="utf-8")
+    page = (DOCS / "how-to" / "add-an-effect.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
     space: dict[str, object] = {}
     exec(code, space)  # noqa: S102 - our own page
