@@ -276,11 +276,9 @@ class _Selection:
                 lost = float((left - remaining).sum())
                 if left.sum() >= before.sum() or (lost > 0.0 and is_certain(left - remaining)):
                     continue
-                own, penalty = (
-                    score(self._loop, fitted),
-                    effects_penalty(fitted.model, self._loop.axis),
-                )
-                as_well = own - penalty + effects_penalty(swapped.model, self._loop.axis)
+                axis, own = self._loop.axis, score(self._loop, fitted)
+                penalty = effects_penalty(swapped.model, axis) - effects_penalty(fitted.model, axis)
+                as_well = own + penalty
                 key = tuple(sorted(swapped.model.names()))
                 self.scores[key] = min(self.scores[key], as_well)
                 if as_well <= own:

@@ -39,7 +39,7 @@ _CERTAIN = 2.0
 """Standard deviations by which a mass must differ from 0."""
 _NEGLIGIBLE = 0.1
 """Share of the Coulomb force that the inertia of one standard deviation of a mass may take where
-the motion does not tell it: any such mass will do."""
+the motion does not show it: any such mass will do."""
 _LEAST_FRICTION = 1e-6
 """Lower limit of Coulomb friction, as a share of the rms force: a plant always has some."""
 
@@ -58,7 +58,7 @@ def fit_figures(
         settings: with any values in their place.
         unknown: axis -> figures; keys of `FIGURES` are found.
         is_rough: the motions are as smooth as the mass in `settings` needs them, which is none of
-            the machine: a mass that they do not tell is one standard deviation then.
+            the machine: a mass that they do not show is one standard deviation then.
 
     Raises:
         ValueError: the recordings do not determine a figure; names axis and figure.
@@ -91,7 +91,7 @@ def _fit_axis(
         if is_rough:
             figures["mass"] = max(figures["mass"], fits[best].scatter(), _LEAST_MASS)
         else:
-            figures["mass"] = _told_mass(axis, figures, fits[best], measured)
+            figures["mass"] = _usable_mass(axis, figures, fits[best], measured)
     least = _LEAST_FRICTION * float(np.std(fits[best].target))
     for key in {"coulomb", "viscous"} & figures.keys():
         figures[key] = max(figures[key], least if key == "coulomb" else 0.0)
@@ -189,7 +189,7 @@ def _least_squares(columns: F64, target: F64) -> F64:
     return np.asarray(np.linalg.lstsq(columns / size, target, rcond=1e-9)[0] / size)
 
 
-def _told_mass(
+def _usable_mass(
     axis: AxisSettings, figures: Mapping[str, float], fit: _Fit, measured: bool
 ) -> float:
     """The mass; its standard deviation where it may as well be none and hardly matters.
