@@ -126,6 +126,7 @@ class Cluster:
                 process.wait(20)
             except subprocess.TimeoutExpired:
                 process.kill()
+                process.wait()
 
     def close(self) -> None:
         """End all."""

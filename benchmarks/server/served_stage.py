@@ -83,6 +83,7 @@ def watchers(folder: Path, pairs: int, seconds: float, count: int, priority: int
                     late = client.state().late - before
                     for other in others:
                         other.kill()
+                        other.wait()
                 process.terminate()
                 process.wait()
             found = np.load(statistics)
@@ -182,6 +183,7 @@ def memory(folder: Path, minutes: int, count: int = 8) -> None:
             found.append(int(text.partition("VmRSS:")[2].split()[0]) / 1024)
         for other in others:
             other.kill()
+            other.wait()
     settled = np.array(found[len(found) // 10 :])
     least, most = settled.min(), settled.max()
     print(f"{minutes} min, {count} watchers, one of them new every 10 s: {least:.1f} to "
