@@ -310,6 +310,7 @@ def test_a_second_browser_watches_and_stops_but_does_not_command(anna, client, b
         anna.queue()
         ben.wait("running")
         ben.go("move")
+        ben.page.wait_for_selector("button:text-is('+ y')")
         buttons = ben.page.locator("main button:not([aria-pressed])")
         assert buttons.count() > 8
         assert all(buttons.nth(k).is_disabled() for k in range(buttons.count()))
