@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import sqlite3
+from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -270,7 +271,7 @@ def test_operator_and_comment_are_kept(tmp_path):
     page = (tmp_path / "run" / "report.html").read_text()
     assert "<dd>Ada L.</dd>" in page
     assert "<dd>chuck 2</dd>" in page
-    with sqlite3.connect(where) as database:
+    with closing(sqlite3.connect(where)) as database:
         assert database.execute("SELECT operator, comment FROM run").fetchall() == [
             ("Ada L.", "chuck 2")
         ]

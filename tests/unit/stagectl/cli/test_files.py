@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -124,7 +125,8 @@ def test_a_runs_own_files_are_no_outputs_of_a_command_that_reads_or_makes_it(her
 
 
 def test_a_history_made_by_the_command_itself_is_not_replaced(here):
-    sqlite3.connect("stage.db").executescript("create table t (x)").close()
+    with closing(sqlite3.connect("stage.db")) as connection:
+        connection.execute("create table t (x)")
     before = Path("stage.db").read_bytes()
     done = CliRunner().invoke(cli, ["bus-budget", "--json", "stage.db"])
     assert (done.exit_code, Path("stage.db").read_bytes()) == (2, before)
