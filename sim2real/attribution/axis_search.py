@@ -174,7 +174,9 @@ class AxisSearch(AxisResult):
 
     def without_names(self, unlisted: Sequence[Unlisted]) -> AxisSearch:
         """The search where a coordinate is the answer, or nothing: no effect of the library."""
-        return replace(self, best=self.plain, free=None, is_complete=False, unlisted=unlisted)
+        return replace(
+            self, best=self.plain, free=None, folds=(), is_complete=False, unlisted=unlisted
+        )
 
     def _figures(
         self, loop: FreeLoop, fitted: Fitted, folds: Sequence[Fitted]

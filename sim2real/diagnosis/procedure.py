@@ -141,7 +141,7 @@ class _StageSearch:
             self._library,
             partial(self._loop_gap, name),
             advance,
-            partial(self._is_curve, name),
+            partial(self._is_curve, name, leaves_structure=True),
         )
 
     def _loop_gap(self, name: str, model: AxisModel) -> float:
@@ -159,12 +159,14 @@ class _StageSearch:
         if search.is_complete and len(search.best.model.terms) < 2:
             return search
         first = [alternative.model for alternative in search.alternatives]
-        near = [] if search.is_complete else first[:FITTED]
-        if self._is_curve(name, [search.best.model, *near]):
+        is_open = not search.is_complete
+        near = first[:FITTED] if is_open else []
+        if self._is_curve(name, [search.best.model, *near], leaves_structure=is_open):
             rivals = self._rivals(name)
             # Those of transmissions have not been tried so far.
             transmitted = [e for n, e in self._all.items() if n not in self._library]
-            if not rivals.leave_names(fit_alone(rivals.screen.loop, transmitted)):
+            alone = fit_alone(rivals.screen.loop, transmitted)
+            if not rivals.leave_names(alone, leaves_structure=is_open):
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
             return search
@@ -172,7 +174,7 @@ class _StageSearch:
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
         rivals = self._rivals(name)
-        if not rivals.leave_names([found.best.model]):
+        if not rivals.leave_names([found.best.model], leaves_structure=True):
             return found.without_names(rivals.unlisted(name))
         doubted, unlisted = rivals.beside(found.best.model)
         return replace(found, doubted=doubted, unlisted=unlisted)
@@ -181,11 +183,15 @@ class _StageSearch:
         """The coordinate that the missing force of an axis depends on."""
         return self._rivals(name).unlisted(name)
 
-    def _is_curve(self, name: str, models: Sequence[AxisModel]) -> bool:
+    def _is_curve(
+        self, name: str, models: Sequence[AxisModel], *, leaves_structure: bool = False
+    ) -> bool:
         """Whether a curve explains nearly all of an axis, and better than these models."""
         rivals = self._rivals(name)
         unlisted = rivals.unlisted(name)
-        if not unlisted or unlisted[0].gap_closed <= ENOUGH or rivals.leave_names(models):
+        if not unlisted or unlisted[0].gap_closed <= ENOUGH:
+            return False
+        if rivals.leave_names(models, leaves_structure=leaves_structure):
             return False
         # The search takes mass, friction and stiffness before a factor on all of these.
         started = (factor_instead(model, rivals.screen.loop.axis, self._all) for model in models)
@@ -193,7 +199,8 @@ class _StageSearch:
         loop = rivals.screen.loop
         if start is None or not loop.allows(start):
             return True
-        return not rivals.leave_names([fit_free(loop, start, LONG).model])
+        scaled = fit_free(loop, start, LONG).model
+        return not rivals.leave_names([scaled], leaves_structure=leaves_structure)
 
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""

@@ -291,7 +291,7 @@ def _verdict(
         least = float(opened.mean() if considered else min(opened.mean(), remaining.mean()))
         near = not considered and least < (NEAR if whole else _SMALLER)
         small = near or least < NO_GAP_BELOW
-    if not small or describe_far_off(examined):
+    if not small or describe_far_off(examined) or _unlisted(results):
         return UNEXPLAINED
     # Where the plant agrees, and the controller does not, there is a gap.
     return INSUFFICIENT if examined.open_loop == OTHER_CONTROLLER else NO_GAP

@@ -25,7 +25,11 @@ _PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
 """Distances of nodes over position [m]: at first, and closer ones that are tried."""
 _MOST_PLACES = 800
 _SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
-"""Nodes over velocity, acceleration and force on each side of zero, in shares of the largest."""
+_CLOSER = (
+    0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.11, 0.15, 0.2, 0.26, 0.33, 0.42, 0.52, 0.65, 0.8, 1.0,
+)  # fmt: skip
+"""Nodes over velocity, acceleration and force on each side of zero, in shares of the largest, and
+closer ones that are tried."""
 _SPEED = ("velocity", "force", "acceleration")
 _OTHER_SIDE = 1e-3
 """Least reach of the nodes on one side of zero, as a share of that on the other."""
@@ -60,12 +64,14 @@ class Coordinate:
         times: what the curve is multiplied by: "" for nothing, "friction" for the friction that a
             Coulomb force of 1 N makes, "force" for the motor force over its rms.
         step: between nodes over position [m].
+        close: whether nodes over velocity, acceleration and force are the closer ones.
     """
 
     over: str
     along: str
     times: str = ""
     step: float = _PLACES
+    close: bool = False
 
     @property
     def is_curve(self) -> bool:
@@ -90,12 +96,18 @@ COORDINATES = (
 )
 WAVES = (Coordinate("time", "wave"), Coordinate("time", "wave", "friction"))
 """Forces over time that change within a move: a later one shows them only if they repeat."""
-NARROW = tuple(
-    Coordinate(over, "position", times, step)
-    for step in _NARROW
-    for over, times in (("position", ""), ("position_direction", "friction"), ("position", "force"))
-    if times != "force" or step == _NARROW[0]
-)
+NARROW = (
+    *(
+        Coordinate(over, "position", times, step)
+        for step in _NARROW
+        for over, times in (
+            ("position", ""), ("position_direction", "friction"), ("position", "force")
+        )
+        if times != "force" or step == _NARROW[0]
+    ),
+    *(Coordinate(over, over, close=True) for over in _SPEED),
+)  # fmt: skip
+"""The same with closer nodes, tried where one of them is among the best."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,7 +187,7 @@ def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
         return np.linspace(low, high, min(max(4, count), _MOST_PLACES))
     # Nodes differ from each other on a side that nothing reaches, too.
     low, high = min(low, -_OTHER_SIDE * high), max(high, -_OTHER_SIDE * low)
-    side = np.array(_SPEEDS)
+    side = np.array(_CLOSER if coordinate.close else _SPEEDS)
     return np.concatenate((low * side[::-1], [0.0], high * side))
 
 

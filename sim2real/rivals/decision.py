@@ -29,6 +29,8 @@ _LITTLE, _MUCH = 0.02, 0.2
 which is large where few moves show the force."""
 _CLEARLY = 3.0
 """Standard errors by which several effects predict clearly better than a curve."""
+_FAINT = 0.25
+"""Energy over that of noise which matters nowhere."""
 _MOST = 0.5
 """Share of the gap that a curve has to close on other moves."""
 _TAKEN = 0.1
@@ -67,8 +69,14 @@ class Rivals:
         best = self.curves[0]
         return best if self.opened.energy - best.prediction.energy >= _MOST * above else None
 
-    def leave_names(self, models: Sequence[AxisModel]) -> bool:
-        """Whether one of these library models, which could explain the axis, keeps its names."""
+    def leave_names(self, models: Sequence[AxisModel], *, leaves_structure: bool = False) -> bool:
+        """Whether one of these library models, which could explain the axis, keeps its names.
+
+        Args:
+            models: each with one effect or more.
+            leaves_structure: innovations show that something is missing whichever of them is right:
+                then a name may lose nothing that is certain, however small beside the gap.
+        """
         best = self.best
         if best is None:
             return True
@@ -80,6 +88,8 @@ class Rivals:
             # Noise that a curve happens to follow is no reason to take a name away.
             excess += min(best.prediction.energy - self.screen.floor, 0.0)
             margin = self.margin(error)
+            if leaves_structure:
+                margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             if excess < -min(margin, _CLEARLY * error) or (
                 excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
@@ -193,7 +203,7 @@ def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: flo
 
 
 def find_rivals(screen: Screen) -> Rivals:
-    """Fit curves over all coordinates; closer nodes over position where it is among the best.
+    """Fit curves over all coordinates; with closer nodes over the best one's, too.
 
     An axis that hardly moves has none.
     """
@@ -202,10 +212,10 @@ def find_rivals(screen: Screen) -> Rivals:
     curves = _curves(screen, COORDINATES)
     if screen.closed(curves[0].prediction) < _MOST:
         curves = _ranked([*curves, *_curves(screen, WAVES)])
-    if curves[0].coordinate.over.startswith("position") or (
-        screen.closed(curves[0].prediction) < _MOST
-    ):
-        curves = _ranked([*curves, *_curves(screen, NARROW)])
+    best = curves[0]
+    is_open = screen.closed(best.prediction) < _MOST
+    closer = [each for each in NARROW if is_open or each.along == best.coordinate.along]
+    curves = _ranked([*curves, *_curves(screen, closer)])
     return Rivals(screen, curves)
 
 

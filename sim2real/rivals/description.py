@@ -37,9 +37,9 @@ _PLACES = 13
 _LEAST = 0.1
 """Share of the gap below which a description says nothing."""
 _BEYOND = 1.5
-"""How far a curve over velocity goes on beyond the speeds recorded: friction and drag do."""
-_SKIPPED = (5, 3, 1)
-"""Nodes over velocity that are left out on each side of zero, beginning there."""
+"""How far a curve over velocity or force goes on beyond those recorded: friction and drag do."""
+_SLOW = (0.5, 0.14, 0.03)
+"""Shares of the top speed on each side of zero below which nodes over velocity are left out."""
 _SMALL = 1e-3
 """Weight of each height beside that of the bends."""
 _FEWEST = 130
@@ -81,7 +81,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
-    tried = (_Fit(screen, unlisted, skipped).description(opened) for skipped in _SKIPPED)
+    tried = (_Fit(screen, unlisted, slow).description(opened) for slow in _SLOW)
     return tuple(
         found
         for found in tried
@@ -104,10 +104,10 @@ class _Fit:
     Args:
         screen: the axis under the model.
         unlisted: as `describe_force`.
-        skipped: nodes over velocity that are left out on each side of zero.
+        slow: share of the top speed below which nodes over velocity are left out.
     """
 
-    def __init__(self, screen: Screen, unlisted: Sequence[Unlisted], skipped: int) -> None:
+    def __init__(self, screen: Screen, unlisted: Sequence[Unlisted], slow: float) -> None:
         loop = screen.loop
         self._name = loop.name
         low, high = screen.extent("position")
@@ -117,7 +117,11 @@ class _Fit:
             Coordinate(over, "position", times, steps.get(over, step))
             for over, times in (("position", ""), ("position_direction", "friction"))
         ]
-        coordinates.append(Coordinate("velocity", "velocity"))
+        speeds = Coordinate("velocity", "velocity")
+        needs_more = any(
+            u.over == "velocity" and len(u.curve.at) > len(_nodes(screen, speeds)) for u in unlisted
+        )
+        coordinates.append(replace(speeds, close=needs_more))
         coordinates += [Coordinate(u.over, _ALONG[u.over]) for u in unlisted if u.over in _ALONG]
         self._at: dict[str, tuple[Coordinate, F64]] = {}
         columns, penalties = [], []
@@ -125,10 +129,8 @@ class _Fit:
             at = _nodes(screen, coordinate)
             if len(at) < 2:
                 continue
-            middle = len(at) // 2
             if coordinate.over == "velocity":
-                near = [*range(middle - skipped, middle), *range(middle + 1, middle + 1 + skipped)]
-                at = np.delete(at, near)
+                at = at[(at <= slow * at[0]) | (at == 0.0) | (at >= slow * at[-1])]
             self._at[coordinate.over] = coordinate, at
             columns.append(screen.columns(coordinate, at))
             size = columns[-1].shape[1]
@@ -179,9 +181,10 @@ class _Fit:
             self._name, closed, *(tuple(part.tolist()) for part in lists),
             coulomb=tuple(factor.tolist()),
         )  # fmt: skip
-        if "force" in parts and (np.diff(parts["force"][0]) > 0.0).all():
-            nodes, lost = (tuple(part.tolist()) for part in parts["force"])
-            force = replace(force, motor_force=nodes, lost=lost)
+        if "force" in parts:
+            axis = self._screen.loop.axis
+            nodes, lost = _continued(*_increasing(*parts["force"]), axis.control.peak_force)
+            force = replace(force, motor_force=tuple(nodes.tolist()), lost=tuple(lost.tolist()))
         if "reversal_path" in parts:
             widths, heights = parts["reversal_path"]
             kept = heights > 0.0
@@ -190,14 +193,21 @@ class _Fit:
         return force
 
 
-def _continued(speeds: F64, forces: F64, limit: float) -> tuple[F64, F64]:
-    """A curve over velocity that goes on straight, up to the axis' limit [m/s] at most."""
-    low, high = (max(-limit, _BEYOND * speeds[0]), min(limit, _BEYOND * speeds[-1]))
-    slopes = np.diff(forces)[[0, -1]] / np.diff(speeds)[[0, -1]]
-    ends = (forces[0] + slopes[0] * (low - speeds[0]), forces[-1] + slopes[1] * (high - speeds[-1]))
-    inside = (speeds > low) & (speeds < high)
+def _increasing(at: F64, heights: F64) -> tuple[F64, F64]:
+    """A curve without nodes that noise in its heights has moved behind an earlier one."""
+    kept = at > np.concatenate(([-np.inf], np.maximum.accumulate(at)[:-1]))
+    return at[kept], heights[kept]
+
+
+def _continued(at: F64, forces: F64, limit: float) -> tuple[F64, F64]:
+    """A curve over velocity or force that goes on straight, up to the axis' limit at most."""
+    low = min(max(-limit, _BEYOND * at[0]), at[0])
+    high = max(min(limit, _BEYOND * at[-1]), at[-1])
+    slopes = np.diff(forces)[[0, -1]] / np.diff(at)[[0, -1]]
+    ends = (forces[0] + slopes[0] * (low - at[0]), forces[-1] + slopes[1] * (high - at[-1]))
+    inside = (at > low) & (at < high)
     return (
-        np.concatenate(([low], speeds[inside], [high])),
+        np.concatenate(([low], at[inside], [high])),
         np.concatenate(([ends[0]], forces[inside], [ends[1]])),
     )
 

@@ -56,3 +56,12 @@ def test_what_is_not_needed_beside_a_curve_is_not_named(drift):
     doubted = replace(drift, doubted=("thermal_drift",))
     (cause,), _ = find_causes(doubted, held_out, along_motion=False)
     assert cause.probability == pytest.approx(0.45)
+
+
+def test_a_search_without_names_predicts_no_move_by_effects(drift):
+    """Else what they close would count as nothing left: no gap."""
+    coordinate = SimpleNamespace(axis="y", over="time")
+    found = replace(drift, folds=(drift.best.model,)).without_names((coordinate,))
+    assert found.folds == ()
+    assert found.best is drift.plain
+    assert found.unlisted == (coordinate,)

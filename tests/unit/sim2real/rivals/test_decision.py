@@ -10,11 +10,13 @@ from hil_sim.effects import Parameter
 from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from sim2real.blind.unlisted_effects import unlisted
-from sim2real.fitting import Term
+from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Screen, find_rivals
-from sim2real.rivals.decision import count_shown
+from sim2real.rivals import Screen, describe_force, find_rivals
+from sim2real.rivals.coordinates import Coordinate
+from sim2real.rivals.decision import Rivals, count_shown
+from sim2real.rivals.screen import Curve, Prediction
 from tests.unit.sim2real.conftest import TOLERANCE
 
 SIZE = Parameter("size", "", "", (0.0, 1.0), neutral=0.0)
@@ -26,8 +28,19 @@ def drag(ports, p):
 
 
 @unlisted(SIZE, over="")
+def eddies(ports, p):
+    speed = ports.velocities / 0.04
+    ports.add_velocity_force(2.0 * p["size"] * speed / (1.0 + speed**2))
+
+
+@unlisted(SIZE, over="")
 def dead_band(ports, p):
     ports.lose_motor_force(np.clip(ports.motor_forces, -p["size"], p["size"]))
+
+
+@unlisted(SIZE, over="")
+def square_loss(ports, p):
+    ports.lose_motor_force(p["size"] * ports.motor_forces * np.abs(ports.motor_forces))
 
 
 @unlisted(SIZE, over="")
@@ -90,6 +103,7 @@ def screen_of(nominal):
     ("effect", "size", "over"),
     [
         (drag, 60.0, "velocity"),
+        (eddies, 3.0, "velocity"),
         (dead_band, 1.2, "force"),
         (magnet, 1.2, "reversal_path"),
         (splinter, 3.0, "position"),
@@ -117,12 +131,44 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
         np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
 
 
+@pytest.mark.parametrize(("lost", "wavers"), [(0.01, 0.0), (0.01, 1.0), (0.03, 0.0)])
+def test_a_near_shape_keeps_its_name_only_where_it_leaves_no_structure(nominal, lost, wavers):
+    """A name that loses a hundredth of the gap, for certain or not, and one that loses more."""
+    moves, gap = 20, 1e4
+    noise = np.full(moves, 100.0)
+    excess = lost * gap * (1.0 + wavers * np.resize((6.0, 6.0, -6.0, -6.0), moves))
+    best, name, nothing = (
+        Prediction(energies, np.empty(0), np.empty(0), ())
+        for energies in (noise, noise + excess, noise + gap)
+    )
+    screen = SimpleNamespace(
+        open=nothing, floor=noise.sum(), model=lambda _: name, linear=lambda _: None,
+        loop=SimpleNamespace(axis=nominal[1].axes[0]),
+    )  # fmt: skip
+    none = np.empty(0)
+    rivals = Rivals(screen, [Curve(Coordinate("velocity", "velocity"), none, none, none, best)])
+    one = AxisModel(np.zeros(NUISANCES), (Term(library()["viscous_damping"], (1.5,)),))
+    assert rivals.leave_names([one]) is (lost < 0.02)
+    assert rivals.leave_names([one], leaves_structure=True) is (wavers > 0.0)
+
+
+def test_a_loss_goes_on_straight_beyond_the_forces_recorded(screen_of):
+    screen = screen_of(square_loss, size=0.004)
+    force = describe_force(screen.loop, find_rivals(screen).unlisted("x"))[0].force
+    slopes = np.diff(force.lost) / np.diff(force.motor_force)
+    assert (slopes[0], slopes[-1]) == pytest.approx((slopes[1], slopes[-2]))
+    _, highest = screen.extent("force")
+    assert force.motor_force[-1] > 1.2 * highest
+
+
 def test_a_library_effect_keeps_its_name(screen_of):
     effect, values = library()["viscous_damping"], (1.8,)
     screen = screen_of(effect, ratio=1.8)
     rivals = find_rivals(screen)
     assert rivals.curves[0].coordinate.over == "velocity"
-    assert rivals.leave_names([screen.loop.start.added(Term(effect, values))])
+    model = screen.loop.start.added(Term(effect, values))
+    assert rivals.leave_names([model])
+    assert rivals.leave_names([model], leaves_structure=True)
 
 
 def test_what_does_not_show_along_the_motion_is_not_one_of_several(screen_of):
