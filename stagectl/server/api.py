@@ -21,7 +21,7 @@ import zmq
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.protocol.endpoint import Endpoint, make_folder
-from stagectl.protocol.message import VERSION
+from stagectl.protocol.message import VERSION, Message
 from stagectl.protocol.state import Answer, Notice, Refusal
 from stagectl.protocol.wire import (
     FRAMES,
@@ -33,10 +33,11 @@ from stagectl.protocol.wire import (
     encode,
     unpack,
 )
+from stagectl.server.handlers import answer
 from stagectl.server.handover import Handover
 from stagectl.server.keeper import StageKeeper
 from stagectl.server.metrics import Metrics
-from stagectl.server.service import Service, plain
+from stagectl.server.service import Service
 
 _TURN = 0.01  # longest wait for a request before looking at what the stage has handed over [s]
 _FRAME = 0.04  # between two blocks of samples [s]
@@ -214,7 +215,7 @@ class Api:
             else:
                 self._late_answers.put((peer, _encoded(request.id, result)))
 
-        service.handle(request, reply)
+        answer(service, request, reply)
         main = False
 
     def _answer(self, peer: bytes, number: int, result: Any) -> None:
@@ -244,7 +245,14 @@ class Api:
 def _encoded(number: int, result: Any) -> bytes:
     if isinstance(result, Refusal):
         return encode(Answer(version=VERSION, id=number, refusal=result))
-    return encode(Answer(version=VERSION, id=number, result=plain(result)))
+    return encode(Answer(version=VERSION, id=number, result=_plain(result)))
+
+
+def _plain(result: Any) -> Any:
+    """A result as plain values for msgpack."""
+    if isinstance(result, Message):
+        return result.model_dump(mode="python")
+    return [_plain(each) for each in result] if isinstance(result, list) else result
 
 
 def _number_in(data: bytes) -> int:

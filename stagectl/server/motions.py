@@ -1,4 +1,4 @@
-"""What the stage does on request, besides runs: enable, home, move, jog, disable.
+"""What the stage does on request, besides runs: enable, home, move, jog; measurements and checks.
 
 All of it in the stage's thread. Moves are setpoints in csp where the drives have it, so that they
 are sampled as a run is; else the drive's own profile (pp).
@@ -8,14 +8,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 
+from drivers.canopen import LISTENING, Network, open_bus
+from drivers.commissioning.conformance import run as check_conformance
+from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from estimation.trajectory import Limits, plan
 from stagectl.config.machine import Machine
-from stagectl.errors import UnusableInput
+from stagectl.errors import Aborted, UnusableInput
+from stagectl.measurement import check_scale, measure_stage
+from stagectl.server.handover import Handover
 from stagedata import F64
 
 VELOCITY, ACCELERATION = 10e-3, 1.0
@@ -70,10 +77,6 @@ class Motions:
         stage.home(force)
         self._phase("enabling the drives")
         stage.enable()
-
-    def disable(self, stage: Stage) -> None:
-        """Switch all axes off."""
-        stage.disable()
 
     def _make_reachable(self, stage: Stage, reset: bool) -> None:
         """Acknowledge faults, and boot drives that have restarted since."""
@@ -188,3 +191,69 @@ def checked_velocity(asked: float | None, most: float, axis: str) -> float:
     if not 0 < velocity <= most:
         raise UnusableInput(f"axis {axis}: velocity must be in (0, {most:g}] m/s, is {velocity:g}")
     return velocity
+
+
+def measure(stage: Stage, machine: Machine, simulated: bool, agreed: bool) -> dict[str, Any]:
+    """Home the stage, measure how its axes respond, and hold it.
+
+    Args:
+        stage: booted.
+        machine: as the host believes it.
+        simulated: on virtual drives, whose measurement has no date.
+        agreed: else it is only said what the axes will do.
+
+    Returns:
+        `does`: lines of what each axis will do; or `measurement`: text of a response file.
+    """
+    lines: list[str] = []
+
+    def ask(does: list[str]) -> bool:
+        lines.extend(does)
+        return agreed
+
+    stage.require_csp()
+    stage.home()
+    stage.enable()
+    now = None if simulated else datetime.now(UTC).astimezone()
+    try:
+        return {"measurement": measure_stage(stage, machine, now, ask).as_text()}
+    except Aborted:
+        if agreed:
+            raise
+        return {"does": lines}
+
+
+def check_drive(
+    bus: BusSettings, handover: Handover, node: int, power: bool, homing: bool
+) -> dict[str, Any]:
+    """Test a drive against CiA 301 and CiA 402, on a bus that nothing else uses.
+
+    Returns:
+        `found`: the findings, as dictionaries.
+    """
+    opened = open_bus(bus)
+    try:
+        network = Network(opened, str(bus), handover.frame, beats=False)
+        network.watchers.append(lambda _: handover.stop.check())
+        network.listen(LISTENING)  # refuses a bus on which another host is active
+        findings = check_conformance(network, node, power=power, homing=homing)
+        network.disconnect()
+    finally:
+        opened.shutdown()
+    return {"found": [{**asdict(each), "verdict": str(each.verdict)} for each in findings]}
+
+
+def check_move(
+    bus: BusSettings, handover: Handover, axis: AxisSettings, machine: Machine
+) -> dict[str, Any]:
+    """Move an axis by 0.1 mm and back, and compare scale and sign with what was asked.
+
+    Returns:
+        `found`: what was compared, as dictionaries.
+    """
+    with Stage.open(bus, (axis,), tap=handover.frame) as stage:
+        stage.interrupt = handover.stop.check
+        stage.boot()
+        compared = check_scale(stage, stage.axes[0], machine)
+        stage.disable()
+    return {"found": [asdict(each) for each in compared]}

@@ -50,10 +50,9 @@ from stagectl.sequencer import (
     SegmentDone,
     Waiting,
 )
-from stagectl.server.believed import setup_for
 from stagectl.server.handover import Handover
 from stagectl.server.run_queue import RunQueue, Stored
-from stagectl.server.setup import Setup
+from stagectl.server.setup import Setup, setup_for
 
 
 def asked_recipe(asked: QueueAdd, machine: Machine) -> Recipe:

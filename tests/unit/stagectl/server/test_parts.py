@@ -2,17 +2,19 @@
 
 import os
 import time
+from typing import get_args
 
 import pytest
 
 from stagectl.errors import Aborted, RunFault, StagectlError
-from stagectl.server import command_lease, motions
-from stagectl.server.alarms import Alarms
+from stagectl.protocol.requests import Command
+from stagectl.server import command_lease, handlers, motions
 from stagectl.server.api import Access, Rates
 from stagectl.server.command_lease import CommandLease
 from stagectl.server.handover import Fault, Handover
 from stagectl.server.jobs import Jobs
 from stagectl.server.motions import JogDemand
+from stagectl.server.notices import Alarms
 
 
 @pytest.mark.parametrize(
@@ -114,3 +116,10 @@ def test_one_connection_cannot_flood_the_others():
     rates = Rates()
     assert sum(rates.allows(b"a") for _ in range(2000)) < 1000
     assert rates.allows(b"b")
+
+
+def test_every_operation_has_a_function_of_its_name():
+    operations = get_args(Command)[0]
+    names = [each.model_fields["op"].default for each in get_args(operations)]
+    assert len(names) > 20
+    assert all(callable(getattr(handlers, name)) for name in names)

@@ -7,8 +7,8 @@ import pytest
 
 from drivers.errors import NodeError
 from stagectl.server import snapshot
-from stagectl.server.drive_signals import DriveSignals
 from stagectl.server.handover import Handover
+from stagectl.server.snapshot import DriveSignals
 
 
 def test_bus_load_is_the_share_of_time_that_frames_take(monkeypatch):
