@@ -18,20 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column
 
 from stagectl.recipe import Excite, MoveStep, Recipe, plan_from
-from stagectl.sequencer import (
-    Event,
-    FrictionUpdated,
-    LevelStepped,
-    Limitation,
-    MarkNotFound,
-    MoveStarted,
-    ObserverFound,
-    Retrying,
-    SegmentDone,
-    Settled,
-    Stopping,
-    Waiting,
-)
+from stagectl.sequencer import Event, events
 
 REDRAW = 0.25
 """Time between two redraws [s]."""
@@ -125,17 +112,17 @@ class RunProgress:
 
     def _take(self, event: Event, now: float) -> None:
         match event:
-            case Limitation() | ObserverFound():
+            case events.Limitation() | events.ObserverFound():
                 self._warn(event.text)
-            case MoveStarted():
+            case events.MoveStarted():
                 self._first_move = now if self._first_move is None else self._first_move
                 self._begun += 1
                 self._count(self._begun - 1, now)
                 self._show(f"{self._where(event.site)}{event.kind}-move")
-            case Waiting(site=site, reason=reason, most=most):
+            case events.Waiting(site=site, reason=reason, most=most):
                 limit = "" if most is None or most < _LONG else f", at most {most:g} s"
                 self._show(f"{self._where(site)}{reason}{limit}")
-            case Settled():
+            case events.Settled():
                 self._count(self._begun, now)
                 took = f"{event.duration * 1e3:.0f} ms"
                 self._settling = f"settled in {took}" if event.settled else f"not settled in {took}"
@@ -143,28 +130,28 @@ class RunProgress:
                     self._warn(
                         f"{self._where(event.site)}{event.kind}-move did not settle in {took}"
                     )
-            case FrictionUpdated():
+            case events.FrictionUpdated():
                 mark = "" if event.estimate.accepted else "?"
                 level = event.estimate.friction.coulomb
                 self._friction[event.axis] = f"Fc {event.axis} {level:.3g} N{mark}"
-            case SegmentDone():
+            case events.SegmentDone():
                 self._segment = self._begun
                 self._count(self._begun, now)
-            case MarkNotFound():
+            case events.MarkNotFound():
                 self._moves -= 1
                 self._progress.update(self._task, total=self._moves)
                 self._warn(f"site {event.site}: mark not found, no micro-move")
-            case Retrying():
+            case events.Retrying():
                 self._begun = self._segment
                 what = "site" if self._sites else "move"
                 self._warn(
                     f"{what} {event.segment}: {event.fault}; restarting "
                     f"(attempt {event.attempt} of {event.limit})"
                 )
-            case LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):
+            case events.LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):
                 where = "everywhere" if everywhere else f"at ({x * 1e3:.3f}, {y * 1e3:.3f}) mm"
                 self._warn(f"friction of axis {axis} stepped by {100 * change:+.0f} % {where}")
-            case Stopping():
+            case events.Stopping():
                 self._show(f"stopping: {event.reason}")
 
     def _where(self, site: int | None) -> str:

@@ -32,12 +32,12 @@ def command(run: Path, json_out: Path | None) -> None:
 
     from stagectl.run import Listener
     from stagectl.run.replay import replay
-    from stagectl.sequencer import Event, MoveStarted
+    from stagectl.sequencer import Event, events
 
     with make_console(stderr=True).status("reading") as status:
 
         def show(event: Event) -> None:
-            if isinstance(event, MoveStarted):
+            if isinstance(event, events.MoveStarted):
                 where = "" if event.site is None else f" of site {event.site}"
                 status.update(Text(f"{event.kind}-move{where}"))
 

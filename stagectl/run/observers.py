@@ -17,7 +17,7 @@ from stagectl.config.settings.observer import (
 from stagectl.measurement import Measurement, identify
 from stagectl.run.observer_findings import describe, is_out
 from stagectl.run.record import RunRecord
-from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets, ObserverFound
+from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets, events
 
 MEASURE = "measure with: stagectl observer --measure"
 UNMEASURED = f"not measured; {MEASURE}"
@@ -101,11 +101,11 @@ class Observers:
             stage.correct_offsets(ObservedOffsets(observer))
         record.note_observer(self._designs, observer.is_on)
 
-    def found(self) -> list[ObserverFound]:
+    def found(self) -> list[events.ObserverFound]:
         """What the watchdog has found since this was last called; no axis that is out learns on."""
         if self._observer is None:
             return []
-        events = []
+        found = []
         names = tuple(self._axes)
         for finding in self._observer.findings():
             name = names[finding.axis]
@@ -117,9 +117,9 @@ class Observers:
             if is_out(finding):
                 self._out[name] = text
                 self._axes[name].unobserve()
-            events.append(ObserverFound(name, finding.time, is_out(finding), text))
+            found.append(events.ObserverFound(name, finding.time, is_out(finding), text))
         self._bound()
-        return events
+        return found
 
     @property
     def out(self) -> Mapping[str, str]:

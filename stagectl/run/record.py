@@ -29,18 +29,7 @@ from stagectl.run.recorded.documents import write_documents
 from stagectl.run.recorded.summarise import UNITS, site_verdicts
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.run_history import RunHistory, run_entry
-from stagectl.sequencer import (
-    Event,
-    FrictionUpdated,
-    LevelStepped,
-    Limitation,
-    MarkFound,
-    MarkNotFound,
-    ObserverFound,
-    Retrying,
-    SegmentDone,
-    StopNoticed,
-)
+from stagectl.sequencer import Event, events
 from stagectl.store import (
     LOG_NAME,
     RECORDING_NAME,
@@ -152,30 +141,30 @@ class RunRecord:
     def note_event(self, event: Event) -> None:
         """Note an event."""
         match event:
-            case FrictionUpdated():
+            case events.FrictionUpdated():
                 now = self.temperature.at(event.time)
                 record = self._history.estimate(event, self._has_map, now)
                 self._note_friction(event, record)
                 self._history.file(record)
-            case LevelStepped():
+            case events.LevelStepped():
                 self.journal.event("level_stepped", **asdict(event))
                 self._history.file(self._history.step(event))
-            case ObserverFound():
+            case events.ObserverFound():
                 self.journal.event("observer_found", **asdict(event))
                 self.note_limitations([event.text])
-            case Limitation(text=text):
+            case events.Limitation(text=text):
                 self.note_limitations([text])
-            case SegmentDone(number=number, site=site):
+            case events.SegmentDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)
-            case Retrying(segment=segment, attempt=attempt, fault=fault):
+            case events.Retrying(segment=segment, attempt=attempt, fault=fault):
                 site = segment if self._request.recipe.sites else None
                 self.journal.event("retry", site=site, attempt=attempt, fault=fault)
-            case MarkFound(site=site, offset=offset):
+            case events.MarkFound(site=site, offset=offset):
                 self.journal.event("mark", site=site, offset=offset)
-            case MarkNotFound(site=site):
+            case events.MarkNotFound(site=site):
                 self.note_limitations([f"site {site}: mark not found, no micro-move"])
-            case StopNoticed(reason=reason):
+            case events.StopNoticed(reason=reason):
                 self.journal.event("stop", reason=reason)
 
     def note_injected_faults(self, injected: Sequence[InjectedFault]) -> None:
@@ -247,7 +236,7 @@ class RunRecord:
             self._unwritten,
         )
 
-    def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
+    def _note_friction(self, event: events.FrictionUpdated, record: EstimateRecord) -> None:
         estimate, figures = event.estimate, dict(record.figures)
         sigma, gain, held = dict(estimate.sigma), estimate.gain, estimate.held
         if "relaxation_rate" in figures:

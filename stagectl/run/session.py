@@ -31,12 +31,10 @@ from stagectl.sequencer import (
     Engine,
     Event,
     FreshPlaces,
-    Limitation,
     Mode,
     MovingAxis,
     Places,
-    Retrying,
-    StopNoticed,
+    events,
 )
 from stagectl.store import MOVED_BY_PROFILE, BusLog
 
@@ -161,7 +159,7 @@ class Session:
                     self._heed_early_stop()
                 record.start()
                 for text in (*self._unchecked(), *stage.limitations):
-                    self._on_event(Limitation(text))
+                    self._on_event(events.Limitation(text))
                 self._use_profiles(stage)
                 for phase, step in access.make_ready(stage):
                     listener.phase(phase)
@@ -227,7 +225,7 @@ class Session:
                 )
         self._observers = None
         self._record.journal.event(MOVED_BY_PROFILE)
-        self._on_event(Limitation(BY_PROFILE))
+        self._on_event(events.Limitation(BY_PROFILE))
 
     def _unchecked(self) -> list[str]:
         """On a real stage: which axes were never checked by a move."""
@@ -242,7 +240,7 @@ class Session:
             return
         for effect in self._record.effects:
             if not effect.compensated:
-                self._on_event(Limitation(effect.describe()))
+                self._on_event(events.Limitation(effect.describe()))
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
         """Run what is left of the recipe; repeat a segment after a fault that allows it."""
@@ -273,7 +271,7 @@ class Session:
                     attempt,
                     limit,
                     lambda number, why: self._on_event(
-                        Retrying(record.done + 1, number, limit, why)
+                        events.Retrying(record.done + 1, number, limit, why)
                     ),
                 )
                 if self._observers is not None:
@@ -353,7 +351,7 @@ class Session:
             self._record.note_limitations([kept])
 
     def _on_event(self, event: Event) -> None:
-        if self._observers is not None and not isinstance(event, StopNoticed):
+        if self._observers is not None and not isinstance(event, events.StopNoticed):
             self._tell_found(self._observers)
         self._record.note_event(event)
         self._listener.event(event)

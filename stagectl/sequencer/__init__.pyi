@@ -1,3 +1,4 @@
+from . import events
 from .compensation.all_axes import make_compensation
 from .compensation.axis_compensation import TAKE_OVER, AxisCompensation
 from .compensation.mode import Figures, Mode
@@ -71,6 +72,7 @@ __all__ = [
     "Stopping",
     "Waiting",
     "arrival",
+    "events",
     "judge",
     "make_compensation",
     "statistics",

@@ -23,23 +23,9 @@ from stagectl.recipe import (
     MoveStep,
     Settle,
 )
+from stagectl.sequencer import events
 from stagectl.sequencer.compensation.places import Places
-from stagectl.sequencer.events import (
-    Continued,
-    Event,
-    Exposed,
-    FrictionUpdated,
-    Limitation,
-    MarkFound,
-    MarkNotFound,
-    MoveStarted,
-    Paused,
-    SegmentDone,
-    Settled,
-    StopNoticed,
-    Stopping,
-    Waiting,
-)
+from stagectl.sequencer.events import Event
 from stagectl.sequencer.excitation import excitation_setpoints
 from stagectl.sequencer.mover import Mover, MovingAxis
 from stagectl.sequencer.streamer import StagePort
@@ -133,7 +119,7 @@ class Engine:
         pause: PauseRequest | None = None,
     ) -> None:
         self._pause = PauseRequest() if pause is None else pause
-        self.stop = StopRequest(lambda reason: on_event(StopNoticed(reason)))
+        self.stop = StopRequest(lambda reason: on_event(events.StopNoticed(reason)))
         self._mover = Mover(stage, axes, period, self.stop.is_asked, places)
         self._fiducial = fiducial
         self._period = period
@@ -180,7 +166,7 @@ class Engine:
                 self._do(step)
             self._learn()
         except (Aborted, RunFault) as end:
-            self._on_event(Stopping(str(end)))
+            self._on_event(events.Stopping(str(end)))
             raise
 
     def _do(self, step: MarkedStep) -> None:
@@ -194,14 +180,14 @@ class Engine:
             case FiducialStep():
                 self._find_mark(step.site)
             case ExposeStep():
-                self._on_event(Waiting(self._site, "exposing", step.duration))
+                self._on_event(events.Waiting(self._site, "exposing", step.duration))
                 self._hold(step.duration)
-                self._on_event(Exposed(self._site))
+                self._on_event(events.Exposed(self._site))
             case Dwell():
-                self._on_event(Waiting(self._site, "dwelling", step.duration))
+                self._on_event(events.Waiting(self._site, "dwelling", step.duration))
                 self._hold(step.duration)
             case DoneStep():
-                self._on_event(SegmentDone(step.number, step.site))
+                self._on_event(events.SegmentDone(step.number, step.site))
                 self._pause_here()
 
     def _move(self, step: MoveStep) -> None:
@@ -215,7 +201,7 @@ class Engine:
         self._place = step.place
         profile = step.profile
         limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
-        self._on_event(MoveStarted(step.site, step.kind, self._mover.time))
+        self._on_event(events.MoveStarted(step.site, step.kind, self._mover.time))
         if not self._mover.move_to(
             target, limits, step.kind, step.site, self._on_move, step.place or target
         ):
@@ -224,7 +210,7 @@ class Engine:
     def _excite(self, excitation: Excite) -> None:
         self._learn()
         self._site = self._place = None
-        self._on_event(MoveStarted(None, "other", self._mover.time))
+        self._on_event(events.MoveStarted(None, "other", self._mover.time))
         if not self._mover.excite(
             excitation.axis, excitation_setpoints(excitation, self._period), self._on_move
         ):
@@ -244,11 +230,13 @@ class Engine:
         return self._mover.on_grid(wanted)
 
     def _find_mark(self, site: int) -> None:
-        self._on_event(Waiting(site, "looking for the mark", None))
+        self._on_event(events.Waiting(site, "looking for the mark", None))
         x, y = self._site_position
         found = self._fiducial.find(site, (x, y))
         self._mark = None if found is None else (x + found[0], y + found[1])
-        self._on_event(MarkNotFound(site) if found is None else MarkFound(site, found))
+        self._on_event(
+            events.MarkNotFound(site) if found is None else events.MarkFound(site, found)
+        )
 
     def _settle(self, step: Settle) -> None:
         """Wait until the last move has settled; without a move (no mark) there is nothing to do."""
@@ -257,9 +245,9 @@ class Engine:
             return
         attempts = 1 + (MAX_RETRIES if step.on_timeout == "retry" else 0)
         for _ in range(attempts):
-            self._on_event(Waiting(move.site, "settling", max(step.timeout, step.hold)))
+            self._on_event(events.Waiting(move.site, "settling", max(step.timeout, step.hold)))
             waited, settled = self._wait(step)
-            self._on_event(Settled(move.site, move.kind, waited, settled))
+            self._on_event(events.Settled(move.site, move.kind, waited, settled))
             self._window = step.window
             self._tell_unrest(self._unrest.after_settling(move.kind, waited))
             if settled or step.on_timeout == "continue":
@@ -305,7 +293,7 @@ class Engine:
                 tuple(move.target.values()) if site is None else self._site_position
             )
             self._on_event(
-                FrictionUpdated(
+                events.FrictionUpdated(
                     site,
                     axis,
                     learned.estimate,
@@ -321,7 +309,7 @@ class Engine:
 
     def _tell_unrest(self, texts: Sequence[str]) -> None:
         for text in texts:
-            self._on_event(Limitation(text))
+            self._on_event(events.Limitation(text))
 
     def _pause_here(self) -> None:
         """Hold for as long as a pause is asked for.
@@ -333,12 +321,12 @@ class Engine:
             return
         self._learn()
         begin, most = self._mover.time, self._pause.most
-        self._on_event(Paused(most))
+        self._on_event(events.Paused(most))
         while self._pause.is_asked():
             if self._mover.time - begin >= most:
                 raise Aborted(f"paused for longer than {most:g} s")
             self._hold(PAUSE_STEP)
-        self._on_event(Continued(self._mover.time - begin))
+        self._on_event(events.Continued(self._mover.time - begin))
 
     def _check_stop(self) -> None:
         if self.stop.is_asked():

@@ -9,25 +9,7 @@ from typing import Any
 
 from drivers.canopen.emcy import error_text
 from stagectl.protocol.state import Alarm, Notice
-from stagectl.sequencer import (
-    Continued,
-    Event,
-    Exposed,
-    FrictionUpdated,
-    LevelStepped,
-    Limitation,
-    MarkFound,
-    MarkNotFound,
-    MoveStarted,
-    ObserverFound,
-    Paused,
-    Retrying,
-    SegmentDone,
-    Settled,
-    StopNoticed,
-    Stopping,
-    Waiting,
-)
+from stagectl.sequencer import Event, events
 from stagectl.server.handover import Fault
 
 _KEPT = 1000
@@ -75,17 +57,17 @@ class Notices:
 def in_words(event: Event) -> tuple[str, str, dict[str, Any]]:
     """Kind, words and figures of an event of a run."""
     match event:
-        case Limitation(text=text):
+        case events.Limitation(text=text):
             return "limitation", text, {}
-        case MoveStarted(site=site, kind=kind, time=at):
+        case events.MoveStarted(site=site, kind=kind, time=at):
             return "move_started", _at(site, f"{kind}-move"), {"site": site, "kind": kind, "at": at}
-        case Waiting(site=site, reason=reason, most=most):
+        case events.Waiting(site=site, reason=reason, most=most):
             return "waiting", _at(site, reason), {"site": site, "reason": reason, "most": most}
-        case Settled(site=site, kind=kind, duration=took, settled=settled):
+        case events.Settled(site=site, kind=kind, duration=took, settled=settled):
             words = f"{kind}-move {'settled' if settled else 'not settled'} in {took * 1e3:.0f} ms"
             of_it = {"site": site, "kind": kind, "duration": took, "settled": settled}
             return "settled", _at(site, words), of_it
-        case FrictionUpdated(site=site, axis=axis, estimate=found, place=place):
+        case events.FrictionUpdated(site=site, axis=axis, estimate=found, place=place):
             words = f"Fc {axis} {found.friction.coulomb:.3g} N"
             refused = "" if found.accepted else f" refused: {found.reason}"
             data: dict[str, Any] = {
@@ -95,28 +77,28 @@ def in_words(event: Event) -> tuple[str, str, dict[str, Any]]:
                 "sigma": {k: float(v) for k, v in found.sigma.items()},
             }  # fmt: skip
             return "friction", _at(site, words + refused), data
-        case Exposed(site=site):
+        case events.Exposed(site=site):
             return "exposed", _at(site, "exposed"), {"site": site}
-        case SegmentDone(number=number, site=site):
+        case events.SegmentDone(number=number, site=site):
             return "segment_done", _at(site, "done"), {"number": number, "site": site}
-        case Retrying(segment=segment, attempt=attempt, limit=limit, fault=fault):
+        case events.Retrying(segment=segment, attempt=attempt, limit=limit, fault=fault):
             words = f"{segment}: {fault}; restarting (attempt {attempt} of {limit})"
             return "retrying", words, {"number": segment, "attempt": attempt, "limit": limit}
-        case MarkFound(site=site, offset=offset):
+        case events.MarkFound(site=site, offset=offset):
             return "mark_found", _at(site, "mark found"), {"site": site, "offset": list(offset)}
-        case MarkNotFound(site=site):
+        case events.MarkNotFound(site=site):
             return "mark_not_found", _at(site, "mark not found, no micro-move"), {"site": site}
-        case LevelStepped(axis=axis, place=place, change=change, everywhere=everywhere):
+        case events.LevelStepped(axis=axis, place=place, change=change, everywhere=everywhere):
             where = "everywhere" if everywhere else f"at ({place[0]:g}, {place[1]:g}) m"
             words = f"friction of axis {axis} stepped by {100 * change:+.0f} % {where}"
             return "stepped", words, {"axis": axis, "place": list(place), "change": change}
-        case ObserverFound(axis=axis, text=text, out=out):
+        case events.ObserverFound(axis=axis, text=text, out=out):
             return "observer", text, {"axis": axis, "out": out}
-        case Paused(most=most):
+        case events.Paused(most=most):
             return "paused", f"paused, for {most:g} s at most", {"most": most}
-        case Continued(duration=duration):
+        case events.Continued(duration=duration):
             return "resumed", f"goes on after {duration:.1f} s", {"duration": duration}
-        case StopNoticed(reason=reason) | Stopping(reason=reason):
+        case events.StopNoticed(reason=reason) | events.Stopping(reason=reason):
             return "stopping", reason, {"reason": reason}
 
 

@@ -40,16 +40,7 @@ from stagectl.run import (
 from stagectl.run.access import HeldStage
 from stagectl.run.execution import make_session
 from stagectl.run.session import Session
-from stagectl.sequencer import (
-    Continued,
-    Event,
-    Mode,
-    MoveStarted,
-    Paused,
-    PauseRequest,
-    SegmentDone,
-    Waiting,
-)
+from stagectl.sequencer import Event, Mode, PauseRequest, events
 from stagectl.server.handover import Handover
 from stagectl.server.run_queue import RunQueue, Stored
 from stagectl.server.setup import Setup, setup_for
@@ -120,16 +111,16 @@ class _Progress:
 
     def take(self, event: Event, when: float) -> None:
         match event:
-            case MoveStarted(site=site, kind=kind):
+            case events.MoveStarted(site=site, kind=kind):
                 self.first = when if self.first is None else self.first
                 self.moves, self.site, self.phase = self.moves + 1, site, f"{kind}-move"
-            case Waiting(reason=reason):
+            case events.Waiting(reason=reason):
                 self.phase = reason
-            case SegmentDone(number=number):
+            case events.SegmentDone(number=number):
                 self.done = number
-            case Paused():
+            case events.Paused():
                 self.phase, self.paused_since = "paused", when
-            case Continued():
+            case events.Continued():
                 self.paused_since = None
 
     def left(self, now: float) -> float | None:
