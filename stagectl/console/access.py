@@ -21,7 +21,6 @@ TICKET = 10.0
 """How long a ticket is valid [s]."""
 _SHORTEST = 16
 _MOST_TICKETS = 64
-_MOST_BUCKETS = 512
 
 
 def check_token(text: str, source: str) -> str:
@@ -94,23 +93,3 @@ class Access:
 
     def _sign(self, content: str) -> str:
         return hmac.new(self._key, content.encode(), hashlib.sha256).hexdigest()
-
-
-class Rates:
-    """How often something may happen: `burst` at once, `rate` a second in the long run, per key."""
-
-    def __init__(
-        self, rate: float, burst: float, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._rate, self._burst, self._clock = rate, burst, clock
-        self._left: dict[str, tuple[float, float]] = {}
-
-    def allows(self, key: str) -> bool:
-        """Whether it may happen once more now."""
-        now = self._clock()
-        left, since = self._left.pop(key, (self._burst, now))
-        left = min(self._burst, left + (now - since) * self._rate)
-        while len(self._left) >= _MOST_BUCKETS:  # the one used longest ago is full by now
-            self._left.pop(next(iter(self._left)))
-        self._left[key] = (left - 1 if left >= 1 else left, now)
-        return left >= 1

@@ -16,8 +16,9 @@ from urllib.parse import urlsplit
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from stagectl.console.access import Access, Rates
+from stagectl.console.access import Access
 from stagectl.errors import UnusableInput
+from stagectl.rates import Rates
 
 LARGEST = 1_200_000
 """Bytes of a body: a recipe of a million characters."""

@@ -20,7 +20,6 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from stagectl.client import AsyncClient, NoServer, Refused
-from stagectl.console.access import Rates
 from stagectl.console.bodies import BadBody, parse_json
 from stagectl.console.folder import NoSuchFile
 from stagectl.console.link import StageLink
@@ -30,6 +29,7 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.protocol import requests
 from stagectl.protocol.requests import Command, Jog, Stop
 from stagectl.protocol.wire import one_problem
+from stagectl.rates import Rates
 
 FRAME = 0.04
 """Between two frames to a page [s]."""

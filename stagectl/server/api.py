@@ -33,6 +33,7 @@ from stagectl.protocol.wire import (
     encode,
     unpack,
 )
+from stagectl.rates import Rates
 from stagectl.server.handlers import answer
 from stagectl.server.handover import Handover
 from stagectl.server.keeper import StageKeeper
@@ -66,23 +67,6 @@ class Access:
         return int(parts[1]) in self._users or int(parts[2]) == self._group
 
 
-class Rates:
-    """Requests per connection: more than it may send are refused."""
-
-    def __init__(self) -> None:
-        self._left: dict[bytes, tuple[float, float]] = {}
-
-    def allows(self, peer: bytes) -> bool:
-        """Count a request."""
-        now = time.monotonic()
-        left, before = self._left.get(peer, (_BURST, now))
-        left = min(_BURST, left + (now - before) * _RATE)
-        if len(self._left) > 1000:
-            self._left.clear()
-        self._left[peer] = max(0.0, left - 1.0), now
-        return left >= 1.0
-
-
 class Api:
     """Binds the sockets and serves until `end`.
 
@@ -108,7 +92,7 @@ class Api:
         self._zap.bind("inproc://zeromq.zap.01")
         self._commands = self._bound(zmq.ROUTER, endpoint.commands, group)
         self._events = self._bound(zmq.PUB, endpoint.events, group)
-        self._rates = Rates()
+        self._rates = Rates(_RATE, _BURST)
         self._late_answers: SimpleQueue[tuple[bytes, bytes]] = SimpleQueue()
         self._ending = False
 

@@ -4,8 +4,9 @@ import time
 
 import pytest
 
-from stagectl.console.access import Access, Rates
+from stagectl.console.access import Access
 from stagectl.console.session import RENEWAL
+from stagectl.rates import Rates
 from tests.unit.stagectl.console.live_console import TOKEN, Page, page
 
 
