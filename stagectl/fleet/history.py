@@ -5,8 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 from datetime import UTC, datetime
 
-from stagectl.errors import UnusableInput
-from stagectl.fleet.rows import FRICTION, Row, from_parquet, to_parquet
+from stagectl.fleet.rows import FRICTION, Row, kept_rows, to_parquet
 from stagectl.fleet.storage import Folder
 from stagectl.history import RunFilter, open_history
 
@@ -51,8 +50,4 @@ def friction_rows(folder: Folder) -> list[Row]:
     Raises:
         UnusableInput: it is damaged.
     """
-    content = folder.read([FILE]).get(FILE)
-    try:
-        return [] if content is None else from_parquet(content, FRICTION)
-    except ValueError as error:
-        raise UnusableInput(f"{folder.address}/{FILE}: damaged: {error}") from error
+    return kept_rows(folder, FILE, FRICTION)

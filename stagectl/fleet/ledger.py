@@ -6,7 +6,16 @@ import time
 from collections.abc import Iterator, Sequence
 
 from stagectl.errors import UnusableInput
-from stagectl.fleet.rows import ENTRY, REFUSED, RESULT, WHOLE_ONLY, Row, from_parquet, to_parquet
+from stagectl.fleet.rows import (
+    ENTRY,
+    REFUSED,
+    RESULT,
+    WHOLE_ONLY,
+    Row,
+    from_parquet,
+    kept_rows,
+    to_parquet,
+)
 from stagectl.fleet.storage import Folder
 from stagectl.fleet.task import RESULTS, Done, Job
 
@@ -32,11 +41,7 @@ class Ledger:
 
     def __init__(self, folder: Folder) -> None:
         self._folder = folder
-        content = folder.read([FILE]).get(FILE)
-        try:
-            rows = [] if content is None else from_parquet(content, ENTRY)
-        except ValueError as error:
-            raise UnusableInput(f"{folder.address}/{FILE}: damaged: {error}") from error
+        rows = kept_rows(folder, FILE, ENTRY)
         self._entries = {str(row["recording"]): row for row in rows}
         self._saved = time.monotonic()
         self._pause = _EVERY

@@ -9,6 +9,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from stagectl.errors import UnusableInput
+from stagectl.fleet.storage import Folder
+
 Row = dict[str, Any]
 """Names of a schema -> plain values."""
 REFUSED = "refused"
@@ -56,6 +59,19 @@ def to_parquet(rows: Sequence[Row], schema: pa.Schema) -> bytes:
     table = pa.Table.from_pylist(list(rows), schema=schema)
     pq.write_table(table, buffer, compression="zstd", write_statistics=len(rows) > 1)
     return buffer.getvalue()
+
+
+def kept_rows(folder: Folder, name: str, schema: pa.Schema) -> list[Row]:
+    """The rows of a table in a folder of results; none where it is not there.
+
+    Raises:
+        UnusableInput: it cannot be read.
+    """
+    content = folder.read([name]).get(name)
+    try:
+        return [] if content is None else from_parquet(content, schema)
+    except ValueError as error:
+        raise UnusableInput(f"{folder.address}/{name}: damaged: {error}") from error
 
 
 def from_parquet(content: bytes, schema: pa.Schema, without: Iterable[str] = ()) -> list[Row]:
