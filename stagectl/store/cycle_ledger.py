@@ -63,26 +63,6 @@ class CycleLedger:
         return doubled
 
     @property
-    def missed(self) -> int:
-        """Number of TPDOs that did not arrive in their window, all axes together."""
-        return int(self.missed_per_cycle.sum())
-
-    @property
-    def tardy(self) -> int:
-        """Number of TPDOs that arrived after their window, but before the next SYNC."""
-        return int(self.tardy_per_cycle.sum())
-
-    @property
-    def doubled(self) -> int:
-        """Number of duplicate TPDOs."""
-        return int(self.doubled_per_cycle.sum(dtype=np.int64))
-
-    @property
-    def late_cycles(self) -> int:
-        """Number of cycles whose SYNC was sent late."""
-        return int(np.count_nonzero(self.late))
-
-    @property
     def late_in_a_row(self) -> int:
         """Longest run of late cycles."""
         edges = np.diff(np.concatenate(([0], self.late.astype(np.int8), [0])))

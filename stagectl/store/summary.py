@@ -42,8 +42,8 @@ def summarise_samples(
         "macro": statistics_block(statistics(results, "macro")),
         "cycle": {
             "period": sync_period,
-            "missed": missed if ledger is None else ledger.missed,
-            "late": 0 if ledger is None else ledger.late_cycles,
+            "missed": missed if ledger is None else int(ledger.missed_per_cycle.sum()),
+            "late": 0 if ledger is None else int(ledger.late.sum()),
         },
     }
     if ledger is not None:
@@ -54,8 +54,8 @@ def summarise_samples(
 def _punctuality(ledger: CycleLedger) -> dict[str, Any]:
     """Figures of the cycle ledger; arrival of the TPDOs after SYNC [s] per axis."""
     figures = {
-        "tardy": ledger.tardy,
-        "doubled": ledger.doubled,
+        "tardy": int(ledger.tardy_per_cycle.sum()),
+        "doubled": int(ledger.doubled_per_cycle.sum()),
         "late_in_a_row": ledger.late_in_a_row,
         "arrival": {
             axis: _spread(values[~np.isnan(values)]) for axis, values in ledger.arrival.items()

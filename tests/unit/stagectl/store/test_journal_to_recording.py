@@ -46,7 +46,7 @@ def test_a_finished_run_becomes_a_recording(tmp_path):
     assert recording.moves == (move("macro", 3, 12), move("micro", 20, 25))
     assert (recording.machine, recording.recipe) == (HEADER.machine, HEADER.recipe)
     ledger = read_ledger(recovered.path)
-    assert (ledger.missed, ledger.late_cycles, ledger.late_in_a_row) == (3, 1, 1)
+    assert (ledger.missed_per_cycle.sum(), ledger.late.sum(), ledger.late_in_a_row) == (3, 1, 1)
     assert list(np.flatnonzero(ledger.missed_per_cycle)) == [9, 19, 29]
     assert list(np.flatnonzero(np.isnan(ledger.arrival["y"]))) == [9, 19, 29]
     assert set(ledger.arrival["x"]) == {2e-4}
@@ -54,7 +54,7 @@ def test_a_finished_run_becomes_a_recording(tmp_path):
     assert list(np.flatnonzero(ledger.tardy_per_cycle)) == [9]
     np.testing.assert_allclose(ledger.sync, 1e-8 * np.arange(30), rtol=1e-15)
     assert list(np.flatnonzero(np.isnan(ledger.doubt))) == [5]
-    assert (ledger.doubled, ledger.tardy) == (2, 1)
+    assert (ledger.doubled_per_cycle.sum(), ledger.tardy_per_cycle.sum()) == (2, 1)
     with h5py.File(recovered.path) as file:
         assert file.attrs["outcome"] == "aborted"
         events = [json.loads(text) for text in file["events"].asstr()]
