@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import Protocol
+from typing import ParamSpec, Protocol
 
 import can
 import numpy as np
@@ -14,6 +14,7 @@ from drivers.canopen import Tap
 from drivers.settings import AxisSettings, BusSettings
 from stagectl.errors import Aborted
 
+P = ParamSpec("P")
 RAMP, REST = 0.05, 0.3
 """Duration of the ramp of force offsets to 0, and of the rest after it [s]."""
 
@@ -90,7 +91,7 @@ class HeldStage:
     def stage(self, tap: Tap) -> Iterator[Stage]:
         """The stage; an end that the operator asked for leaves it held, any other stops it."""
         stage, before = self._stage, (self._stage.sink, self._stage.tap)
-        stage.tap = tap if before[1] is None else _both(tap, before[1])
+        stage.tap = tap if before[1] is None else both(tap, before[1])
         try:
             yield stage
         except Aborted:
@@ -120,12 +121,14 @@ class HeldStage:
         """Nothing: the axes stay held."""
 
 
-def _both(first: Tap, second: Tap) -> Tap:
-    def tap(time_ns: int, can_id: int, data: bytes) -> None:
-        first(time_ns, can_id, data)
-        second(time_ns, can_id, data)
+def both(first: Callable[P, object], second: Callable[P, object]) -> Callable[P, None]:
+    """Calls one after the other, such as taps of frames or sinks of samples."""
 
-    return tap
+    def call(*arguments: P.args, **keywords: P.kwargs) -> None:
+        first(*arguments, **keywords)
+        second(*arguments, **keywords)
+
+    return call
 
 
 def _take_offsets_out(stage: Stage) -> None:

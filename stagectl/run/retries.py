@@ -43,7 +43,9 @@ def recover_stage(
     while attempt <= limit and is_recoverable(latest):
         announce(attempt, str(latest))
         try:
-            _make_ready(stage)
+            acknowledge_faults(stage)
+            stage.home()  # only axes that have lost their reference
+            stage.enable()
             return attempt
         except BusError:
             raise
@@ -56,15 +58,24 @@ def recover_stage(
     raise RunFault(f"{fault}; recovery failed: {latest}") from latest
 
 
-def _make_ready(stage: Stage) -> None:
+def acknowledge_faults(stage: Stage, announce: Callable[[str], object] = lambda _: None) -> None:
+    """Acknowledge faults, and boot drives that have restarted since.
+
+    Args:
+        stage: booted once.
+        announce: called with what is being done.
+
+    Raises:
+        DriverError: the drives cannot be reached.
+    """
+    announce("acknowledging faults")
     try:
         stage.reset_faults()
     except BusError:
         raise
     except DriverError:  # the drive has rebooted, or takes no fault reset in its state
+        announce("booting the drives")
         stage.boot()
-    stage.home()  # only axes that have lost their reference
-    stage.enable()
 
 
 def is_recoverable(fault: AxisFault) -> bool:

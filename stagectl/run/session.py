@@ -18,7 +18,7 @@ from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.measurement import never_checked
 from stagectl.recipe import Excite, plan_from
-from stagectl.run.access import StageAccess
+from stagectl.run.access import StageAccess, both
 from stagectl.run.checks import Checked, Substitutes
 from stagectl.run.listener import Listener
 from stagectl.run.observer_findings import keep_out, read_out
@@ -303,7 +303,7 @@ class Session:
         """Where samples go: the journal; a replay also counts them up to the operator's stop."""
         journal, shown = self._record.journal, self._listener.sample
         if shown is not None:
-            return _both(journal.sink, shown)
+            return both(journal.sink, shown)
         if self._substitutes is None or self._substitutes.stop is None:
             return journal.sink
         samples, reason = self._substitutes.stop
@@ -355,11 +355,3 @@ class Session:
             self._tell_found(self._observers)
         self._record.note_event(event)
         self._listener.event(event)
-
-
-def _both(first: Sink, second: Sink) -> Sink:
-    def sink(sample: Sample) -> None:
-        first(sample)
-        second(sample)
-
-    return sink

@@ -22,6 +22,7 @@ from estimation.trajectory import Limits, plan
 from stagectl.config.machine import Machine
 from stagectl.errors import Aborted, UnusableInput
 from stagectl.measurement import check_scale, measure_stage
+from stagectl.run.retries import acknowledge_faults
 from stagectl.server.handover import Handover
 from stagedata import F64
 
@@ -66,32 +67,19 @@ class Motions:
 
     def enable(self, stage: Stage, reset: bool) -> None:
         """Enable all axes where they are."""
-        self._make_reachable(stage, reset)
+        if reset:
+            acknowledge_faults(stage, self._phase)
         self._phase("enabling the drives")
         stage.enable()
 
     def home(self, stage: Stage, force: bool, reset: bool) -> None:
         """Home the axes and hold them."""
-        self._make_reachable(stage, reset)
+        if reset:
+            acknowledge_faults(stage, self._phase)
         self._phase("homing")
         stage.home(force)
         self._phase("enabling the drives")
         stage.enable()
-
-    def _make_reachable(self, stage: Stage, reset: bool) -> None:
-        """Acknowledge faults, and boot drives that have restarted since."""
-        from drivers.errors import BusError, DriverError
-
-        if not reset:
-            return
-        self._phase("acknowledging faults")
-        try:
-            stage.reset_faults()
-        except BusError:
-            raise
-        except DriverError:
-            self._phase("booting the drives")
-            stage.boot()
 
     def move(
         self, stage: Stage, axis: str, position: float | None, distance: float, velocity: float
