@@ -101,25 +101,18 @@ def _jerk_limited() -> Trajectory:
     return plan(0.0, published.DISTANCE, limits)
 
 
+@lru_cache(maxsize=4)
 def simulate(case: Case) -> Record:
     """The point-to-point move of section IV, from relaxed friction, with rest on both sides.
 
     Raises:
         ValueError: the position loop is not stable at this sample rate.
     """
-    return _simulate(
-        case.rate, case.profile, case.bandwidth, case.feedforward, case.noise, case.seed
-    )
-
-
-@lru_cache(maxsize=4)
-def _simulate(
-    rate: int, profile: Profile, bandwidth: float, feedforward: bool, noise: float, seed: int
-) -> Record:
-    end = duration(profile) + LEAD_OUT
+    rate = case.rate
+    end = duration(case.profile) + LEAD_OUT
     time = np.arange(-round(LEAD_IN * rate), round(end * rate)) / rate
-    wanted, acceleration = demand(profile, time)
-    offset = published.MASS * acceleration if feedforward else np.zeros_like(time)
+    wanted, acceleration = demand(case.profile, time)
+    offset = published.MASS * acceleration if case.feedforward else np.zeros_like(time)
     reference = published.REFERENCE
     figures = np.array(
         [
@@ -133,16 +126,16 @@ def _simulate(
             published.STRIBECK_SHAPE,
         ]
     )
-    misread = noise * np.random.default_rng(seed).standard_normal(len(time))
+    misread = case.noise * np.random.default_rng(case.seed).standard_normal(len(time))
     sampled = np.empty((2, len(time)))
     slipping = np.zeros(len(time), dtype=np.bool_)
     _run(
-        figures, element_shares(published.PLANT_ELEMENTS), np.array(gains(bandwidth)),
+        figures, element_shares(published.PLANT_ELEMENTS), np.array(gains(case.bandwidth)),
         1.0 / rate, PLANT_RATE // rate, np.stack([wanted, offset, misread]), sampled, slipping,
     )  # fmt: skip
     position, force = sampled
     if not np.abs(position - wanted).max() < published.DISTANCE:
-        raise ValueError(f"{bandwidth:g} Hz at {rate} samples/s: the loop is unstable")
+        raise ValueError(f"{case.bandwidth:g} Hz at {rate} samples/s: the loop is unstable")
     return Record(rate, time, wanted, position, force, slipping)
 
 
