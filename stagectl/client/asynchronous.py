@@ -9,15 +9,7 @@ from typing import Any, Self
 import zmq
 import zmq.asyncio
 
-from stagectl.client.base import (
-    ANSWER,
-    JobFailed,
-    NoServer,
-    Published,
-    Refused,
-    Talk,
-    read_published,
-)
+from stagectl.client import base
 from stagectl.client.finding import locate
 from stagectl.protocol.endpoint import Endpoint
 from stagectl.protocol.requests import Command, GetState, Info, Release, Stop, Take, Wait
@@ -37,7 +29,7 @@ class AsyncClient:
     """
 
     def __init__(self, server: str | Endpoint | None = None, name: str | None = None) -> None:
-        self._talk = Talk(name)
+        self._talk = base.Talk(name)
         self._where = locate(server)
         self._context = zmq.asyncio.Context()
         self._commands = self._context.socket(zmq.DEALER)
@@ -73,10 +65,10 @@ class AsyncClient:
                 continue
             try:
                 waiting.set_result(self._talk.answer(data)[1])
-            except (Refused, NoServer) as why:
+            except (base.Refused, base.NoServer) as why:
                 waiting.set_exception(why)
 
-    async def ask(self, command: Command, timeout: float = ANSWER) -> Any:
+    async def ask(self, command: Command, timeout: float = base.ANSWER) -> Any:
         """Ask for something, and return its result; wait `timeout` [s] for it."""
         number, data = self._talk.request(command)
         future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
@@ -85,7 +77,7 @@ class AsyncClient:
             await self._commands.send(data)
             return await asyncio.wait_for(future, timeout)
         except TimeoutError:
-            raise NoServer(
+            raise base.NoServer(
                 f"the stage server {self._where.name} does not answer ({timeout:g} s)"
             ) from None
         finally:
@@ -118,17 +110,17 @@ class AsyncClient:
         number = job if isinstance(job, int) else job.id
         while True:
             wait = Wait(job=number, timeout=_SLICE)
-            found = Job.model_validate(await self.ask(wait, _SLICE + ANSWER))
+            found = Job.model_validate(await self.ask(wait, _SLICE + base.ANSWER))
             if found.ended:
                 if found.error is not None:
-                    raise JobFailed(found)
+                    raise base.JobFailed(found)
                 return found
 
     async def do(self, command: Command) -> Job:
         """Ask for something that takes time, and wait until it has ended."""
         return await self.wait(await self.begin(command))
 
-    async def watch(self, samples: bool = False) -> AsyncIterator[Published]:
+    async def watch(self, samples: bool = False) -> AsyncIterator[base.Published]:
         """What the server publishes, from now on."""
         socket = self._context.socket(zmq.SUB)
         socket.linger = 0
@@ -139,6 +131,6 @@ class AsyncClient:
         try:
             while True:
                 topic, data = await socket.recv_multipart()
-                yield read_published(topic, data)
+                yield base.read_published(topic, data)
         finally:
             socket.close()

@@ -10,17 +10,8 @@ import zmq
 
 from stagectl.client.base import ANSWER, JobFailed, NoServer, Published, Talk, read_published
 from stagectl.client.finding import locate
+from stagectl.protocol import requests
 from stagectl.protocol.endpoint import Endpoint
-from stagectl.protocol.requests import (
-    Command,
-    GetEvents,
-    GetState,
-    Info,
-    Release,
-    Stop,
-    Take,
-    Wait,
-)
 from stagectl.protocol.state import Job, Notice, ServerInfo, State
 from stagectl.protocol.wire import NOTICE, SAMPLES, STATE
 
@@ -50,7 +41,7 @@ class Client:
         self._commands.linger = 0
         self._commands.connect(Endpoint.url(self._where.commands))
         try:
-            self.info = ServerInfo.model_validate(self.ask(Info()))
+            self.info = ServerInfo.model_validate(self.ask(requests.Info()))
         except BaseException:
             self.close()
             raise
@@ -65,7 +56,7 @@ class Client:
         """Disconnect; what was asked for goes on."""
         self._context.destroy(linger=0)
 
-    def ask(self, command: Command, timeout: float = ANSWER) -> Any:
+    def ask(self, command: requests.Command, timeout: float = ANSWER) -> Any:
         """Ask for something, and return its result.
 
         Args:
@@ -88,11 +79,11 @@ class Client:
 
     def state(self) -> State:
         """The present state of the stage."""
-        return State.model_validate(self.ask(GetState()))
+        return State.model_validate(self.ask(requests.GetState()))
 
     def notices(self, since: int = 0) -> list[Notice]:
         """What has happened since the notice of this number."""
-        return [Notice.model_validate(entry) for entry in self.ask(GetEvents(since=since))]
+        return [Notice.model_validate(entry) for entry in self.ask(requests.GetEvents(since=since))]
 
     def take(self, force: bool = False) -> None:
         """Take command, so that other clients only watch, until `release` or the end.
@@ -100,25 +91,25 @@ class Client:
         Raises:
             Refused: another client commands, and `force` is not given.
         """
-        self._talk.lease = self.ask(Take(force=force))["lease"]
+        self._talk.lease = self.ask(requests.Take(force=force))["lease"]
 
     def release(self) -> None:
         """Give command back."""
         if self._talk.lease is not None:
-            self.ask(Release())
+            self.ask(requests.Release())
             self._talk.lease = None
 
     def stop(self, reason: str = "") -> None:
         """Quick-stop all axes and switch their power off."""
-        self.ask(Stop(reason=reason))
+        self.ask(requests.Stop(reason=reason))
 
-    def begin(self, command: Command) -> Job:
+    def begin(self, command: requests.Command) -> Job:
         """Ask for something that takes time, and return its job at once."""
         return Job.model_validate(self.ask(command))
 
     def look(self, job: Job, timeout: float) -> Job:
         """A job as it is when it has ended, or after `timeout` [s]."""
-        wait = Wait(job=job.id, timeout=timeout)
+        wait = requests.Wait(job=job.id, timeout=timeout)
         return Job.model_validate(self.ask(wait, timeout + ANSWER))
 
     def wait(self, job: Job | int, timeout: float | None = None) -> Job:
@@ -138,14 +129,14 @@ class Client:
             left = _SLICE if end is None else min(_SLICE, end - time.monotonic())
             if left <= 0:
                 raise NoServer(f"job {number} has not ended within {timeout:g} s")
-            wait = Wait(job=number, timeout=max(left, 1e-3))
+            wait = requests.Wait(job=number, timeout=max(left, 1e-3))
             found = Job.model_validate(self.ask(wait, left + ANSWER))
             if found.ended:
                 if found.error is not None:
                     raise JobFailed(found)
                 return found
 
-    def do(self, command: Command, timeout: float | None = None) -> Job:
+    def do(self, command: requests.Command, timeout: float | None = None) -> Job:
         """Ask for something that takes time, and wait until it has ended, at most `timeout` [s].
 
         Errors as of `wait`.

@@ -15,18 +15,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from stagectl import store
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.history.sql import History
-from stagectl.store import (
-    FILE_NAME,
-    RECORDING_NAME,
-    RECOVERED_NAME,
-    RunNotes,
-    read_journal_notes,
-    read_notes,
-    reading_events,
-)
 
 BATCH = 500
 """Estimates filed per transaction."""
@@ -81,7 +73,7 @@ def step_record(event: Mapping[str, Any], entry: RunEntry, number: int) -> StepR
     )  # fmt: skip
 
 
-def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
+def recorded_run(notes: store.RunNotes, path: Path) -> RecordedRun:
     """The records of a run from its notes.
 
     Args:
@@ -96,7 +88,7 @@ def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
         raise UnusableInput(
             f"{path}: lacks the records that a history needs (made by an older version)"
         )
-    with reading_events(path):
+    with store.reading_events(path):
         entry = _ENTRY.validate_python(run["history"])
         where = run["history"]["where"]
         return RecordedRun(
@@ -125,7 +117,7 @@ def runs_in(folder: Path) -> list[RecordedRun]:
         StagectlError: the run is still in progress.
     """
     if folder.is_file():
-        return [recorded_run(read_notes(folder), folder)]
+        return [recorded_run(store.read_notes(folder), folder)]
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
     found = [run for run in map(_read, _files(folder)) if run is not None]
@@ -136,16 +128,16 @@ def runs_in(folder: Path) -> list[RecordedRun]:
 
 def _files(folder: Path) -> list[Path]:
     """Recordings and journals in a folder."""
-    recovered = Path(RECOVERED_NAME)
-    names = (RECORDING_NAME, f"{recovered.stem}*{recovered.suffix}", FILE_NAME)
+    recovered = Path(store.RECOVERED_NAME)
+    names = (store.RECORDING_NAME, f"{recovered.stem}*{recovered.suffix}", store.FILE_NAME)
     return [path for name in names for path in sorted(folder.glob(name))]
 
 
 def _read(path: Path) -> RecordedRun | None:
     """The run of a recording or journal; None where that was cut before its first note."""
-    if path.name != FILE_NAME:
-        return recorded_run(read_notes(path), path)
-    notes = read_journal_notes(path)
+    if path.name != store.FILE_NAME:
+        return recorded_run(store.read_notes(path), path)
+    notes = store.read_journal_notes(path)
     return None if notes is None or not notes.events else recorded_run(notes, path)
 
 

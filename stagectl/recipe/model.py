@@ -9,17 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from stagectl.recipe.schema import (
-    Dwell,
-    Kind,
-    NoMark,
-    PluginMark,
-    Profile,
-    Settle,
-    Shape,
-    SimulatedMark,
-    SiteLimits,
-)
+from stagectl.recipe import schema
 
 Pair = tuple[float, float]
 
@@ -32,8 +22,8 @@ class To:
     """Move to an absolute position [m]."""
 
     target: Pair
-    kind: Kind
-    profile: Profile
+    kind: schema.Kind
+    profile: schema.Profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +32,8 @@ class Reverse:
 
     distance: float
     axis: int
-    kind: Kind
-    profile: Profile
+    kind: schema.Kind
+    profile: schema.Profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +50,11 @@ class Excite:
     """
 
     axis: int
-    shape: Shape
+    shape: schema.Shape
     amplitude: float
     band: tuple[float, float]
     duration: float
-    profile: Profile
+    profile: schema.Profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +65,7 @@ class Repeat:
     moves: tuple[Move, ...]
 
 
-Move = To | Reverse | Excite | Dwell | Repeat
+Move = To | Reverse | Excite | schema.Dwell | Repeat
 
 
 def count_unrolled(moves: tuple[Move, ...]) -> int:
@@ -85,7 +75,7 @@ def count_unrolled(moves: tuple[Move, ...]) -> int:
 
 def unroll(
     moves: tuple[Move, ...], at: tuple[str | int, ...] = ("moves",)
-) -> Iterator[tuple[tuple[str | int, ...], To | Reverse | Excite | Dwell]]:
+) -> Iterator[tuple[tuple[str | int, ...], To | Reverse | Excite | schema.Dwell]]:
     """The moves in order with repeats unrolled, each with its location in the recipe file."""
     for index, move in enumerate(moves):
         if isinstance(move, Repeat):
@@ -106,7 +96,7 @@ class ListedMarks:
         return self.offsets.get(site)
 
 
-FiducialSource = SimulatedMark | NoMark | ListedMarks | PluginMark
+FiducialSource = schema.SimulatedMark | schema.NoMark | ListedMarks | schema.PluginMark
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +110,8 @@ class Excursion:
     """
 
     offset: Pair
-    kind: Kind
-    profile: Profile
+    kind: schema.Kind
+    profile: schema.Profile
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,16 +133,16 @@ class Recipe:
 
     name: str
     axes: tuple[str, str]
-    macro: Profile
-    micro: Profile
-    settle: Settle
+    macro: schema.Profile
+    micro: schema.Profile
+    settle: schema.Settle
     expose: float
     sites: tuple[Pair, ...]
     fiducial: FiducialSource
     moves: tuple[Move, ...]
     lot: str | None
     wafer: str | None
-    limits: SiteLimits
+    limits: schema.SiteLimits
     text: str
     source: str
     notes: tuple[str, ...] = ()

@@ -20,19 +20,10 @@ import msgpack
 import zmq
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.protocol import wire
 from stagectl.protocol.endpoint import Endpoint, make_folder
 from stagectl.protocol.message import VERSION, Message
 from stagectl.protocol.state import Answer, Notice, Refusal
-from stagectl.protocol.wire import (
-    FRAMES,
-    MOST,
-    NOTICE,
-    SAMPLES,
-    STATE,
-    decode_request,
-    encode,
-    unpack,
-)
 from stagectl.rates import Rates
 from stagectl.server.handlers import answer
 from stagectl.server.handover import Handover
@@ -101,7 +92,7 @@ class Api:
         socket.linger = 0
         socket.zap_domain = _DOMAIN
         socket.sndhwm = _QUEUED
-        socket.maxmsgsize = MOST
+        socket.maxmsgsize = wire.MOST
         path.unlink(missing_ok=True)
         before = os.umask(0o077 if group is None else 0o007)
         try:
@@ -121,7 +112,7 @@ class Api:
 
     def publish(self, notice: Notice) -> None:
         """Publish a notice; from the serving thread."""
-        self._events.send_multipart([NOTICE, encode(notice)])
+        self._events.send_multipart([wire.NOTICE, wire.encode(notice)])
         if self._metrics is not None:
             self._metrics.take(notice)
 
@@ -152,7 +143,7 @@ class Api:
             if changed or now >= state_due:
                 state_due = now + _STATE
                 state = service.state()
-                self._events.send_multipart([STATE, encode(state)])
+                self._events.send_multipart([wire.STATE, wire.encode(state)])
                 if self._metrics is not None:
                     self._metrics.look(state)
 
@@ -187,7 +178,7 @@ class Api:
             if len(frames) != 1:
                 raise UnusableInput("a request is one frame")
             number = _number_in(frames[0])
-            request = decode_request(frames[0])
+            request = wire.decode_request(frames[0])
         except UnusableInput as why:
             self._answer(peer, number, Refusal(kind="invalid", text=str(why)))
             return
@@ -216,20 +207,20 @@ class Api:
     def _publish_frames(self, handover: Handover) -> None:
         waiting = handover.frames
         frames = [waiting.popleft() for _ in range(len(waiting))]
-        self._events.send_multipart([FRAMES, msgpack.packb(frames)])
+        self._events.send_multipart([wire.FRAMES, msgpack.packb(frames)])
 
     def _publish_samples(self, service: Service, keeper: StageKeeper, handover: Handover) -> None:
         waiting, stage = handover.samples, keeper.stage
         samples = [waiting.popleft() for _ in range(len(waiting))]
         if samples and stage is not None:
             block = service.sampling.block(stage, samples)
-            self._events.send_multipart([SAMPLES, block.encode()])
+            self._events.send_multipart([wire.SAMPLES, block.encode()])
 
 
 def _encoded(number: int, result: Any) -> bytes:
     if isinstance(result, Refusal):
-        return encode(Answer(version=VERSION, id=number, refusal=result))
-    return encode(Answer(version=VERSION, id=number, result=_plain(result)))
+        return wire.encode(Answer(version=VERSION, id=number, refusal=result))
+    return wire.encode(Answer(version=VERSION, id=number, result=_plain(result)))
 
 
 def _plain(result: Any) -> Any:
@@ -241,7 +232,7 @@ def _plain(result: Any) -> Any:
 
 def _number_in(data: bytes) -> int:
     """The number of a request that may be invalid otherwise; 0 where it has none."""
-    number = unpack(data)
+    number = wire.unpack(data)
     found = number.get("id") if isinstance(number, dict) else None
     return found if isinstance(found, int) and 0 <= found < 2**31 else 0
 

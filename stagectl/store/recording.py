@@ -21,19 +21,9 @@ import numpy.typing as npt
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.plain_text import one_line
+from stagectl.store import hdf5
 from stagectl.store.atomic import write_atomically
 from stagectl.store.cycle_ledger import CycleLedger
-from stagectl.store.hdf5 import (
-    member_names,
-    open_group,
-    open_hdf5,
-    read_array,
-    read_floats,
-    read_integers,
-    read_line,
-    read_text,
-    reason_of,
-)
 from stagedata import F64, Recording
 
 FORMAT = "stagectl-recording"
@@ -62,23 +52,23 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
     Raises:
         UnusableInput: as `recording_blocks.read_recording`.
     """
-    with open_hdf5(path) as file:
+    with hdf5.open_hdf5(path) as file:
         check_format(file)
         if "cycle/late" not in file or "cycle/arrival" not in file:
             return None
-        late = read_integers(file, "cycle/late", len(read_floats(file, "time")))
-        group = open_group(file, "cycle/arrival")
-        axes = list(member_names(open_group(file, "axes")))
+        late = hdf5.read_integers(file, "cycle/late", len(hdf5.read_floats(file, "time")))
+        group = hdf5.open_group(file, "cycle/arrival")
+        axes = list(hdf5.member_names(hdf5.open_group(file, "axes")))
         return CycleLedger(
             arrival={
-                name: read_floats(group, name, len(late), finite=False)  # nan where missed
+                name: hdf5.read_floats(group, name, len(late), finite=False)  # nan where missed
                 for name in axes
             },
             late=late.astype(np.bool_),
             sync=_optional(file, "cycle/sync", len(late)),
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
-                name: read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
+                name: hdf5.read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
                 for name in (axes if len(file.get("cycle/extra", ())) else ())  # all or none
             },
         )
@@ -86,7 +76,7 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
 
 def _optional(file: h5py.File, name: str, count: int) -> F64 | None:
     """A dataset of the ledger that may be absent, with nan where unknown."""
-    return read_floats(file, name, count, finite=False) if name in file else None
+    return hdf5.read_floats(file, name, count, finite=False) if name in file else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +128,11 @@ def read_notes(path: Path | str) -> RunNotes:
     Raises:
         UnusableInput: as `recording_blocks.read_recording`, or an event is no object with a name.
     """
-    with open_hdf5(path) as file:
+    with hdf5.open_hdf5(path) as file:
         check_format(file)
         events = []
         if "events" in file:
-            for number, text in enumerate(read_array(file, "events", "OS", MAX_MOVES)):
+            for number, text in enumerate(hdf5.read_array(file, "events", "OS", MAX_MOVES)):
                 try:
                     event = json.loads(text)
                 except (ValueError, TypeError, RecursionError):
@@ -151,12 +141,12 @@ def read_notes(path: Path | str) -> RunNotes:
                     raise UnusableInput(f"/events: entry {number}: not a JSON object with a name")
                 events.append(event)
         return RunNotes(
-            recipe=read_text(file, "recipe", default=""),
-            machine=read_text(file, "machine"),
-            started=read_line(file, "started", default=""),
-            outcome=read_line(file, "outcome", default=""),
+            recipe=hdf5.read_text(file, "recipe", default=""),
+            machine=hdf5.read_text(file, "machine"),
+            started=hdf5.read_line(file, "started", default=""),
+            outcome=hdf5.read_line(file, "outcome", default=""),
             events=tuple(events),
-            fault=one_line(read_text(file, "fault", default=""), 4000) or None,
+            fault=one_line(hdf5.read_text(file, "fault", default=""), 4000) or None,
         )
 
 
@@ -186,7 +176,9 @@ def write_recording(
             if notes is not None:
                 _write_notes(file, notes)
     except OSError as error:
-        raise StagectlError(f"{path}: cannot write the recording: {reason_of(error)}") from error
+        raise StagectlError(
+            f"{path}: cannot write the recording: {hdf5.reason_of(error)}"
+        ) from error
     write_atomically(path, image.getbuffer(), "recording", durable=True)
 
 
@@ -264,7 +256,7 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
 
 def check_format(file: h5py.File) -> None:
     """Refuse a file that is not a recording, or one of a newer version."""
-    if read_line(file, "format", default="") != FORMAT:
+    if hdf5.read_line(file, "format", default="") != FORMAT:
         raise UnusableInput(f"attribute format: not {FORMAT!r}: not a stagectl recording")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:

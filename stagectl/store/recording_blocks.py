@@ -15,18 +15,7 @@ import h5py
 import numpy as np
 
 from stagectl.errors import UnusableInput
-from stagectl.store.hdf5 import (
-    MAX_SAMPLES,
-    check_unit,
-    member_names,
-    open_group,
-    open_hdf5,
-    read_array,
-    read_floats,
-    read_integers,
-    read_line,
-    read_text,
-)
+from stagectl.store import hdf5
 from stagectl.store.recording import MAX_MOVES, NO_SITE, SIGNALS, check_format
 from stagedata import MOVE_KINDS, AxisSignals, Move, Recording
 
@@ -47,7 +36,7 @@ def read_recording(path: Path | str) -> Recording:
         UnusableInput: no such file, not HDF5, truncated, another format or a newer version, a
             missing dataset, lengths that differ, a non-finite sample, a move outside the samples.
     """
-    (whole,) = RecordingBlocks(path, MAX_SAMPLES)
+    (whole,) = RecordingBlocks(path, hdf5.MAX_SAMPLES)
     return whole
 
 
@@ -71,16 +60,16 @@ class RecordingBlocks:
 
     def __init__(self, path: Path | str, size: int = BLOCK) -> None:
         self.source = str(path)
-        with open_hdf5(path) as file:
+        with hdf5.open_hdf5(path) as file:
             check_format(file)
-            self.machine = read_text(file, "machine")
-            read_floats(file, "time", part=slice(0, 0))
+            self.machine = hdf5.read_text(file, "machine")
+            hdf5.read_floats(file, "time", part=slice(0, 0))
             self._length = len(file["time"])
-            check_unit(file, "time", "s")
-            self._recipe = read_text(file, "recipe", default="")
-            self._started = read_line(file, "started", default="")
-            group = open_group(file, "axes")
-            self._axes = tuple(member_names(group))
+            hdf5.check_unit(file, "time", "s")
+            self._recipe = hdf5.read_text(file, "recipe", default="")
+            self._started = hdf5.read_line(file, "started", default="")
+            group = hdf5.open_group(file, "axes")
+            self._axes = tuple(hdf5.member_names(group))
             if not self._axes:
                 raise UnusableInput("/axes: no axis")
             for name in self._axes:
@@ -98,17 +87,17 @@ class RecordingBlocks:
         return self._length
 
     def __iter__(self) -> Iterator[Recording]:
-        with open_hdf5(self.source) as file:
+        with hdf5.open_hdf5(self.source) as file:
             for first, stop in pairwise(self._cuts):
                 yield self._block(file, first, stop)
 
     def _block(self, file: h5py.File, first: int, stop: int) -> Recording:
         joint = max(first - 1, 0)  # the sample before tells whether time goes on
-        time = read_floats(file, "time", self._length, slice(joint, stop))
+        time = hdf5.read_floats(file, "time", self._length, slice(joint, stop))
         if np.any(np.diff(time) <= 0):
             sample = joint + int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
-        group = open_group(file, "axes")
+        group = hdf5.open_group(file, "axes")
         last = stop if stop < self._length else self._length + 1  # a move may begin at the very end
         begun = slice(bisect_left(self._starts, first), bisect_left(self._starts, last))
         return Recording(
@@ -140,22 +129,22 @@ def _cuts(length: int, size: int, starts: list[int]) -> list[int]:
 
 
 def _axis(axes: h5py.Group, name: str, length: int, part: slice) -> AxisSignals:
-    group = open_group(axes, name)
-    demand, offset, actual, force = (read_floats(group, s, length, part) for s, _ in SIGNALS)
+    group = hdf5.open_group(axes, name)
+    demand, offset, actual, force = (hdf5.read_floats(group, s, length, part) for s, _ in SIGNALS)
     for signal, unit in SIGNALS:
-        check_unit(group, signal, unit)
+        hdf5.check_unit(group, signal, unit)
     statusword = None
     if "statusword" in group:
-        statusword = read_integers(group, "statusword", length, part).astype(np.uint16)
+        statusword = hdf5.read_integers(group, "statusword", length, part).astype(np.uint16)
     valid = np.ones(len(demand), dtype=np.bool_)
     if "valid" in group:
-        valid = read_integers(group, "valid", length, part).astype(np.bool_)
+        valid = hdf5.read_integers(group, "valid", length, part).astype(np.bool_)
     missing = tuple(s for s, _ in SIGNALS if not group[s].attrs.get("logged", 1))
     return AxisSignals(demand, offset, actual, force, statusword, valid, missing)
 
 
 def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:
-    table = read_array(file, "moves", "V", MAX_MOVES)
+    table = hdf5.read_array(file, "moves", "V", MAX_MOVES)
     columns = table.dtype.names or ()
     ends = [f"{side}_{axis}" for side in ("from", "to") for axis in axes]
     for name in ("kind", "start", "end", *ends):

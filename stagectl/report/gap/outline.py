@@ -5,15 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from sim2real.findings import (
-    SHOWN_AS,
-    Cause,
-    EmpiricalForce,
-    FigureChange,
-    GapFigures,
-    GapReport,
-    Unlisted,
-)
+from sim2real import findings
 from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
 from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
 from stagectl.report.outline import Fact, Outline, Section, Table
@@ -46,7 +38,7 @@ _VERDICTS = {
 
 
 def diagnosis_outline(
-    report: GapReport, machine: str, measured: Sequence[Measured] = ()
+    report: findings.GapReport, machine: str, measured: Sequence[Measured] = ()
 ) -> Outline:
     """All that a diagnosis says.
 
@@ -108,7 +100,7 @@ def diagnosis_outline(
     )
 
 
-def _notices(report: GapReport) -> list[Fact]:
+def _notices(report: findings.GapReport) -> list[Fact]:
     """Faults of channels, and what the machine file leaves unknown, as fitted."""
     notices = [
         Fact(f"{f.text} (corrected)" if f.applied else f.text, "good" if f.applied else "warning")
@@ -124,7 +116,7 @@ def _notices(report: GapReport) -> list[Fact]:
     return notices
 
 
-def headline(report: GapReport) -> str:
+def headline(report: findings.GapReport) -> str:
     """The verdict in one sentence."""
     names = [c.effect.replace("_", " ") for c in report.causes]
     axes = [c.axis for c in report.causes]
@@ -159,7 +151,7 @@ def headline(report: GapReport) -> str:
 
 
 def gap_section(
-    gap: Mapping[str, Mapping[str, GapFigures]],
+    gap: Mapping[str, Mapping[str, findings.GapFigures]],
     title: str,
     *names: str,
     repeats: Sequence[str] = (),
@@ -178,7 +170,7 @@ def gap_section(
     rows = []
     for axis, signals in gap.items():
         for signal, of in signals.items():
-            scale, unit = SHOWN_AS[of.unit]
+            scale, unit = findings.SHOWN_AS[of.unit]
             values = [of.nominal, *([of.explained] if both else [])]
             shown = [
                 DASH if v is None else f"{digits(v * scale)} {unit}" for v in (*values, of.floor)
@@ -207,7 +199,7 @@ def repeat_lines(repeats: Sequence[Mapping[str, Mapping[str, RepeatCheck]]]) -> 
     return lines
 
 
-def _figures(report: GapReport) -> list[tuple[str, str]]:
+def _figures(report: findings.GapReport) -> list[tuple[str, str]]:
     """The key figures: value and meaning."""
     figures = []
     if report.gap:
@@ -234,7 +226,7 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
     return figures
 
 
-def _cause(cause: Cause) -> Fact:
+def _cause(cause: findings.Cause) -> Fact:
     """A cause with its figures, what reopens without it, and its remedy."""
     figures = []
     for key, p in cause.parameters.items():
@@ -254,7 +246,7 @@ def _cause(cause: Cause) -> Fact:
     return Fact(text, details=details, share=cause.probability)
 
 
-def _over_coordinate(found: Unlisted) -> Fact:
+def _over_coordinate(found: findings.Unlisted) -> Fact:
     """A coordinate that a force depends on, and those that could take its place."""
     low, high = found.gap_closed_interval
     text = (
@@ -269,7 +261,7 @@ def _over_coordinate(found: Unlisted) -> Fact:
     return Fact(text, share=found.probability)
 
 
-def _steps(report: GapReport) -> Section:
+def _steps(report: findings.GapReport) -> Section:
     facts = []
     for step in report.steps:
         text = f"{step.axis}: {', '.join(step.added)}: {percent(step.gap_closed)} on held-out moves"
@@ -283,7 +275,7 @@ def _steps(report: GapReport) -> Section:
     return Section("Step by step", facts, label="step", note=note, most=100)
 
 
-def _empirical(report: GapReport) -> Section:
+def _empirical(report: findings.GapReport) -> Section:
     facts = tuple(
         Fact(
             f"{f.axis}: a smooth force over {_described_over(f)} closes "
@@ -295,14 +287,14 @@ def _empirical(report: GapReport) -> Section:
     return Section("What no effect explains", facts, label="empirical")
 
 
-def _described_over(force: EmpiricalForce) -> str:
+def _described_over(force: findings.EmpiricalForce) -> str:
     over = ["position", "direction", "velocity"]
     over += ["motor force"] if force.motor_force else []
     over += ["the path since a reversal"] if force.path else []
     return listed(over)
 
 
-def _changed(change: FigureChange) -> Fact:
+def _changed(change: findings.FigureChange) -> Fact:
     """A plant figure that the twin changes, or a warning of one that it keeps."""
     unit = "" if change.unit == "1" else f" {change.unit}"
     name = f"{change.axis}: {change.figure}"
@@ -313,7 +305,7 @@ def _changed(change: FigureChange) -> Fact:
     return Fact(text, "warning", label="warning")
 
 
-def _candidates(report: GapReport) -> Section:
+def _candidates(report: findings.GapReport) -> Section:
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
     facts = tuple(
         Fact(

@@ -9,27 +9,18 @@ import json
 from pathlib import Path
 from typing import Any
 
+from stagectl import store
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.report import render_report
 from stagectl.run.recorded.summarise import run_note, summarise
-from stagectl.store import (
-    RECORDING_NAME,
-    CycleLedger,
-    RunNotes,
-    read_ledger,
-    read_notes,
-    read_recording,
-    recording_in,
-    write_atomically,
-)
 from stagedata import Recording
 
 
 def document_paths(recording: Path) -> tuple[Path, Path]:
     """Paths of summary and report; those of `recording-recovered.h5` end in `-recovered`, too."""
-    usual = Path(RECORDING_NAME).stem
+    usual = Path(store.RECORDING_NAME).stem
     stem = recording.stem
     suffix = stem.removeprefix(usual) if stem.startswith(usual) else f"-{stem}"
     return (
@@ -39,9 +30,9 @@ def document_paths(recording: Path) -> tuple[Path, Path]:
 
 
 def write_documents(
-    notes: RunNotes,
+    notes: store.RunNotes,
     recording: Recording,
-    ledger: CycleLedger | None,
+    ledger: store.CycleLedger | None,
     machine: Machine,
     path: Path,
 ) -> dict[str, Any]:
@@ -59,12 +50,12 @@ def write_documents(
     summary = summarise(notes, recording, ledger, machine, path)
     summary_path, report_path = document_paths(path)
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    write_atomically(summary_path, text, "summary")
+    store.write_atomically(summary_path, text, "summary")
     if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
         told = [e["text"] for e in notes.all("limitation")]
         page = render_report(recording, summary, control_period=control_period, notices=told)
-        write_atomically(report_path, page, "report")
+        store.write_atomically(report_path, page, "report")
     return summary
 
 
@@ -74,7 +65,7 @@ def is_calibration(path: Path) -> bool:
     Raises:
         UnusableInput: it cannot be read, or is not of a run by this version.
     """
-    return bool(run_note(read_notes(path), path).get("calibration"))
+    return bool(run_note(store.read_notes(path), path).get("calibration"))
 
 
 def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
@@ -91,22 +82,22 @@ def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
         ConfigError: its machine file cannot be used any more.
         StagectlError: a file cannot be written.
     """
-    found = recording_in(path)
+    found = store.recording_in(path)
     if not found.exists():
         raise UnusableInput(f"{path}: no such run")
     notes, recording, machine = read_run(found)
-    summary = write_documents(notes, recording, read_ledger(found), machine, found)
+    summary = write_documents(notes, recording, store.read_ledger(found), machine, found)
     return summary, document_paths(found)[: 1 if is_calibration(found) else 2]
 
 
-def read_run(path: Path) -> tuple[RunNotes, Recording, Machine]:
+def read_run(path: Path) -> tuple[store.RunNotes, Recording, Machine]:
     """Read a recording of a run, with its machine.
 
     Raises:
         UnusableInput: it cannot be read, or is not of a run by this version.
         ConfigError: its machine file cannot be used any more.
     """
-    notes = read_notes(path)
+    notes = store.read_notes(path)
     run = run_note(notes, path)
     source = str(run.get("files", {}).get("machine", path))
-    return notes, read_recording(path), parse_machine(notes.machine, source)
+    return notes, store.read_recording(path), parse_machine(notes.machine, source)

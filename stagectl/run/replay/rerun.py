@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.commissioning import FrameDecoder
+from stagectl import store
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.settings.package_settings import driver_settings
@@ -27,17 +28,6 @@ from stagectl.run.listener import Listener
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import HostSettings, Resumed, RunRequest, SimulatedStage
 from stagectl.sequencer import Mode
-from stagectl.store import (
-    LOG_NAME,
-    RECORDING_NAME,
-    LoggedBus,
-    LoggedFrame,
-    RunNotes,
-    read_log,
-    read_notes,
-    reading_events,
-    recover_folder,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +78,17 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
-    recover_folder(folder)
-    path = folder / RECORDING_NAME
+    store.recover_folder(folder)
+    path = folder / store.RECORDING_NAME
     if not path.exists():
         raise UnusableInput(f"{folder}: holds no recording: no sample was taken")
-    notes = read_notes(path)
-    log = read_log(folder / LOG_NAME)
+    notes = store.read_notes(path)
+    log = store.read_log(folder / store.LOG_NAME)
     run = notes.last("run")
     if not run:
         raise UnusableInput(f"{path}: does not say how it was run (made by an older version)")
     with tempfile.TemporaryDirectory() as scratch:
-        with reading_events(path):
+        with store.reading_events(path):
             if notes.all("held_stage"):
                 raise UnusableInput(
                     f"{path}: was run by a stage server on axes that it held already: its bus log "
@@ -127,13 +117,13 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
     )
 
 
-def _in_words(difference: Difference, log: LoggedBus, machine: Machine) -> tuple[str, str]:
+def _in_words(difference: Difference, log: store.LoggedBus, machine: Machine) -> tuple[str, str]:
     """The frames of a difference; what PDOs hold is heard from the frames before it."""
     decoder = FrameDecoder(driver_settings(machine)[1])
     for frame in islice(log.frames(), difference.number - 1):
         decoder.decode(frame.can_id, frame.data)
 
-    def words(frame: LoggedFrame | None) -> str:
+    def words(frame: store.LoggedFrame | None) -> str:
         if frame is None:
             return ""
         decoded = decoder.decode(frame.can_id, frame.data)
@@ -172,7 +162,7 @@ def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:
 
 
 def _request(
-    notes: RunNotes, run: Mapping[str, Any], machine: Machine, scratch: Path
+    notes: store.RunNotes, run: Mapping[str, Any], machine: Machine, scratch: Path
 ) -> RunRequest:
     seed, text, resumed = int(run["seed"]), run["truth"], run["resumed"]
     simulated = None
@@ -200,13 +190,13 @@ def _measurement(run: Mapping[str, Any]) -> Measurement | None:
     return None if text is None else parse_measurement(text, "measurement of the recording")
 
 
-def _marks(notes: RunNotes) -> dict[int, Pair]:
+def _marks(notes: store.RunNotes) -> dict[int, Pair]:
     return {
         int(e["site"]): (float(e["offset"][0]), float(e["offset"][1])) for e in notes.all("mark")
     }
 
 
-def _stop(notes: RunNotes) -> tuple[int, str] | None:
+def _stop(notes: store.RunNotes) -> tuple[int, str] | None:
     """Number of samples after which the operator's stop took effect, and its reason."""
     stop = notes.last("stop")
     return None if not stop else (int(stop["sample"]), str(stop["reason"]))
