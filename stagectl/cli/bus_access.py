@@ -84,6 +84,20 @@ class Bench:
             return None
         return server_for(self.machine, self.bus, self.server)
 
+    def axis_at(self, node: int) -> AxisSettings:
+        """The axis with a node id, to move it.
+
+        Raises:
+            click.BadParameter: the machine file has none.
+        """
+        for axis in self.axes:
+            if axis.node == node:
+                return axis
+        raise click.BadParameter(
+            f"{self.machine.source} has no axis with node id {node}; --move needs its limits",
+            param_hint="NODE",
+        )
+
     def require_no_server(self) -> None:
         """For what needs the bus for itself.
 

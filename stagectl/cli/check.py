@@ -121,12 +121,7 @@ def _check_by_move(bench: Bench, node: int, yes: bool, json_out: Path | None) ->
     """Compare scale and sign; keep beside the machine file of a real stage that they agree."""
     from stagectl.measurement import note_checked
 
-    chosen = next((axis for axis in bench.axes if axis.node == node), None)
-    if chosen is None:
-        raise click.BadParameter(
-            f"{bench.machine.source} has no axis with node id {node}; --move needs its limits",
-            param_hint="NODE",
-        )
+    chosen = bench.axis_at(node)
     if not (yes or bench.simulated):
         click.confirm(
             f"Axis {chosen.name} will move by 0.1 mm and back three times, at up to 0.5 mm/s if "

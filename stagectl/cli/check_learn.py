@@ -37,14 +37,9 @@ def learn_profile(bench: Bench, node: int, move: bool, yes: bool, out: Path | No
     from stagectl.config.profiles import family_of, render_profile
     from stagectl.store import write_atomically
 
-    chosen = next((axis for axis in bench.axes if axis.node == node), None)
-    if move and chosen is None:
-        raise click.BadParameter(
-            f"{bench.machine.source} has no axis with node id {node}; --move needs its limits",
-            param_hint="NODE",
-        )
+    chosen = bench.axis_at(node) if move else None
     facts, refused = _read(bench, node)
-    if move and chosen is not None:
+    if chosen is not None:
         facts += _moved(bench, chosen, yes)
     family = family_of(facts)
     today = datetime.now(UTC).date()
