@@ -28,8 +28,7 @@ from stagectl.console.bodies import Nothing, read_body
 from stagectl.console.context import Context
 from stagectl.console.folder import NoSuchFile
 from stagectl.console.gate import LOG_IN, SOCKET, STOP, Gate, RefusedRequest
-from stagectl.console.samples import columns
-from stagectl.console.scope_export import as_csv, as_hdf5
+from stagectl.console.samples import as_csv, as_hdf5, columns
 from stagectl.console.session import Session
 from stagectl.errors import StagectlError
 from stagectl.protocol.message import Message, Name, Text

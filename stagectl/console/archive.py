@@ -1,11 +1,19 @@
-"""The data folder: its runs, the diagnoses and map pages that the console has had made in it."""
+"""The data folder: its runs, the diagnoses and map pages that the console has had made in it.
+
+Reports are documents of strangers: in a sandbox, with no scripts but this program's own. A report
+carries its scripts inside. Those that this version puts into its pages are allowed by their hashes;
+any other, such as one that a file name has smuggled in, does not run.
+"""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import quote
@@ -15,7 +23,6 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from stagectl.console.folder import NoSuchFile, is_name, open_inside
-from stagectl.console.reports import report_policy
 from stagectl.errors import UnusableInput
 from stagectl.protocol.requests import MOST_RECIPE, MachineFile
 
@@ -26,6 +33,9 @@ _KINDS = {
     ".html": "text/html; charset=utf-8", ".json": "application/json", ".h5": "application/x-hdf5",
     ".yaml": "text/plain; charset=utf-8", ".csv": "text/csv", ".asc": "text/plain",
 }  # fmt: skip
+_STATIC = Path(__file__).parents[1] / "report" / "static"
+_INLINE = "page.start(() => {});"
+"""The script of pages that have none of their own (templates/page.html.j2)."""
 
 
 class OpenFile(Response):
@@ -165,3 +175,19 @@ class Archive:
             raise UnusableInput(f"{folder}: is a link")
         folder.mkdir(exist_ok=True)
         return folder
+
+
+@cache
+def report_policy() -> str:
+    """The content policy of reports: an origin of their own, no network, known scripts only."""
+    scripts = [path.read_bytes() for path in sorted(_STATIC.glob("*.js"))]
+    hashes = " ".join(_hash(script) for script in [*scripts, _INLINE.encode()])
+    return (
+        f"sandbox allow-scripts allow-downloads; default-src 'none'; script-src {hashes}; "
+        "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; "
+        "frame-ancestors 'none'"
+    )
+
+
+def _hash(script: bytes) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"

@@ -7,8 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from stagectl.console.samples import KEPT, PER_AXIS, SampleRing, columns
-from stagectl.console.scope_export import as_csv, as_hdf5
+from stagectl.console.samples import KEPT, PER_AXIS, SampleRing, as_csv, as_hdf5, columns
 from tests.unit.stagectl.console.fake_server import block
 
 NAMES = columns(["x", "y"])

@@ -10,9 +10,9 @@ import pytest
 from starlette.routing import Mount, Route, WebSocketRoute
 
 from stagectl.console.access import Access
+from stagectl.console.archive import report_policy
 from stagectl.console.folder import NoSuchFile, open_inside
 from stagectl.console.gate import POLICY
-from stagectl.console.reports import report_policy
 from tests.unit.stagectl.console.live_console import TOKEN, page
 
 
