@@ -11,18 +11,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from drivers.cyclic import Channel, Cycle, Sink, Until, decode_rows
+from drivers.cyclic.rows import Row
 from drivers.drive import Control, Mode
 from drivers.errors import AxisFault
 from drivers.motion.limits import Setpoint, check_profile, checked_profile
 from drivers.motion.power import Power
 from drivers.motion.profile_moves import ProfileMoves
-from drivers.motion.profile_stream import Approach, profile_rows
 from drivers.motion.safe_stop import SafeStop
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
     SETTLING_TIMEOUT,
+    Steps,
+    approach,
     await_target,
     hand_over,
+    run,
 )
 from drivers.motion.standstill import brake
 from stagedata import Samples
@@ -62,7 +65,7 @@ class ProfilePosition:
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
             self._power.enter(Mode.PROFILE_POSITION)
-            self._move(channel, setpoints)
+            run(self._cycle, _follow(channel, setpoints, self._cycle.period))
         self._return_to_csp()
 
     def stream_to(
@@ -88,14 +91,14 @@ class ProfilePosition:
             for c, t, v, a in zip(channels, targets, velocity, acceleration, strict=True)
         ]
         with self._stopping.on_failure():
-            approaches = []
+            under_way = []
             for c, s, v, a in zip(channels, checked, velocity, acceleration, strict=True):
                 if s.target != c.target:
                     slower = c.axis.set_profile(v, a)
                     timed = replace(s, duration=slower * s.duration)
-                    approaches.append(Approach(c, timed, period))
-            self._cycle.stream_rows(profile_rows(channels, approaches), rows, sink, until)
-            if not all(approach.is_done for approach in approaches):
+                    under_way.append(approach(c, timed, period))
+            self._cycle.stream_rows(_rows(channels, under_way), rows, sink, until)
+            if under_way:
                 self.halt()
         return decode_rows(rows, self._cycle.axes)
 
@@ -109,7 +112,8 @@ class ProfilePosition:
             brake(self._cycle, self._stopping.halt_timeout)
             for channel in self._cycle.channels:
                 here = Setpoint(channel.position, channel.position, 0.0)
-                hand_over(self._cycle, channel, here, bits, HANDSHAKE_TIMEOUT)
+                taken = hand_over(channel, here, bits, HANDSHAKE_TIMEOUT, self._cycle.period)
+                run(self._cycle, taken)
             for channel in self._cycle.channels:
                 channel.controlword &= ~int(Control.HALT)
             self._cycle.exchange()
@@ -120,22 +124,6 @@ class ProfilePosition:
         check_profile(chosen.settings, velocity, acceleration)
         chosen.check_mode(Mode.PROFILE_POSITION)
         chosen.set_profile(velocity, acceleration)
-
-    def _move(self, channel: Channel, setpoints: Sequence[Setpoint]) -> None:
-        """Moves an enabled axis along the setpoints.
-
-        The first takes effect at once (bit 5), the others queue: each is handed over as soon as the
-        drive can take it, and begins when the previous one is reached.
-        """
-        ready_timeout, bits = HANDSHAKE_TIMEOUT, int(Control.CHANGE_IMMEDIATELY)
-        for number, setpoint in enumerate(setpoints):
-            acknowledged = hand_over(self._cycle, channel, setpoint, bits, ready_timeout)
-            ready_timeout += setpoint.duration + SETTLING_TIMEOUT
-            if not acknowledged or number == len(setpoints) - 1:
-                await_target(self._cycle, channel, setpoint, ready_timeout)
-            bits = 0
-        if setpoints[-1].relative:  # csp would take the distance for a position
-            channel.target = channel.position
 
     @contextmanager
     def moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
@@ -149,3 +137,42 @@ class ProfilePosition:
             yield moves
             moves.end()
         self._return_to_csp()
+
+
+def _follow(channel: Channel, setpoints: Sequence[Setpoint], period: float) -> Steps[None]:
+    """Moves an enabled axis along the setpoints.
+
+    The first takes effect at once (bit 5), the others queue: each is handed over as soon as the
+    drive can take it, and begins when the previous one is reached.
+    """
+    ready_timeout, bits = HANDSHAKE_TIMEOUT, int(Control.CHANGE_IMMEDIATELY)
+    for number, setpoint in enumerate(setpoints):
+        acknowledged = yield from hand_over(channel, setpoint, bits, ready_timeout, period)
+        ready_timeout += setpoint.duration + SETTLING_TIMEOUT
+        if not acknowledged or number == len(setpoints) - 1:
+            yield from await_target(channel, setpoint, ready_timeout, period)
+        bits = 0
+    if setpoints[-1].relative:  # csp would take the distance for a position
+        channel.target = channel.position
+
+
+def _rows(channels: Sequence[Channel], under_way: list[Steps[None]]) -> Iterator[Row]:
+    """The rows of a stream until all targets are reached, at least one.
+
+    Axes that have reached theirs are taken out of `under_way`.
+    """
+    while True:
+        under_way[:] = [steps for steps in under_way if _goes_on(steps)]
+        yield (
+            [(channel, channel.pack()) for channel in channels],
+            [(channel, channel.target, 0) for channel in channels],
+        )
+        if not under_way:
+            return
+
+
+def _goes_on(steps: Steps[None]) -> bool:
+    """Takes the next of the steps; False where there is none."""
+    for _ in steps:
+        return True
+    return False

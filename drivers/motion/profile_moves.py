@@ -18,10 +18,12 @@ from drivers.motion.limits import Setpoint, checked_profile
 from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
-    NEAR,
     SETTLING_TIMEOUT,
     check_enabled,
     hand_over,
+    is_at,
+    is_shown,
+    run,
 )
 from drivers.motion.standstill import brake
 
@@ -34,7 +36,7 @@ class _Course:
 
     Attributes:
         channel: of the axis.
-        end: target of the last setpoint [increments]; None: there was none yet.
+        setpoint: the last one; None: there was none yet.
         seconds: how long all setpoints may take [s].
         velocity, acceleration: of the last setpoint [m/s, m/s^2].
         slower: factor on their duration where the drive is slower.
@@ -43,7 +45,7 @@ class _Course:
 
     def __init__(self, channel: Channel) -> None:
         self.channel = channel
-        self.end: int | None = None
+        self.setpoint: Setpoint | None = None
         self.seconds = 0.0
         self.velocity, self.acceleration = 0.0, math.inf
         self.slower = 1.0
@@ -52,18 +54,16 @@ class _Course:
     @property
     def start(self) -> float:
         """Where the next setpoint begins: the last target, at first the actual position [m]."""
-        counts = self.channel.position if self.end is None else self.end
+        counts = self.channel.position if self.setpoint is None else self.setpoint.end
         return counts * self.channel.axis.increment
 
     @property
     def is_done(self) -> bool:
         """Whether the drive reports the target reached, and the axis is at it."""
-        if self.end is None:
+        if self.setpoint is None:
             return True
-        channel, settings = self.channel, self.channel.axis.settings
-        near = max(NEAR, settings.position_window) / channel.axis.increment
-        reached = bool(channel.valid and channel.statusword & Status.TARGET_REACHED)
-        return reached and abs(channel.position - self.end) <= near
+        shown = is_shown(self.channel, Status.TARGET_REACHED)
+        return shown and is_at(self.channel, self.setpoint)
 
     def take(self, setpoint: Setpoint, velocity: float, acceleration: float, queued: bool) -> None:
         """Notes a setpoint that the drive has taken [m/s, m/s^2], and how long it may take."""
@@ -72,7 +72,7 @@ class _Course:
         moving = way / velocity + setpoint.duration + turning
         seconds = self.slower * moving + SETTLING_TIMEOUT
         self.seconds = self.seconds + seconds if queued else seconds
-        self.end, self.queued = setpoint.end, queued
+        self.setpoint, self.queued = setpoint, queued
         self.velocity, self.acceleration = velocity, acceleration
 
 
@@ -132,7 +132,7 @@ class ProfileMoves:
         course = self._courses[channel]
         speed = self._velocity if velocity is None else velocity
         rate = self._acceleration if acceleration is None else acceleration
-        queued = (queued or passing) and course.end is not None
+        queued = (queued or passing) and course.setpoint is not None
         full = course.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
         if relative and full and not queued:
             # drives differ in which of two targets they count from
@@ -149,10 +149,11 @@ class ProfileMoves:
             bits |= int(Control.CHANGE_ON_SETPOINT)
         if self.halted:
             bits |= int(Control.HALT)
-        hand_over(
-            self._cycle, channel, setpoint, bits, HANDSHAKE_TIMEOUT + course.seconds,
-            replace=full and not queued,
-        )  # fmt: skip
+        ready_timeout, replaces = HANDSHAKE_TIMEOUT + course.seconds, full and not queued
+        run(
+            self._cycle,
+            hand_over(channel, setpoint, bits, ready_timeout, self._cycle.period, replaces),
+        )
         course.take(setpoint, speed, rate, queued)
 
     def run(self, duration: float) -> None:
@@ -170,7 +171,7 @@ class ProfileMoves:
         Raises:
             AxisFault: an axis does not arrive in time, faults, or is halted.
         """
-        courses = [w for w in self._courses.values() if w.end is not None]
+        courses = [w for w in self._courses.values() if w.setpoint is not None]
         if self.halted and not all(w.is_done for w in courses):
             raise AxisFault("is halted: resume it first", axis=courses[0].channel.axis.name)
         timeout = max((w.seconds for w in courses), default=0.0)
@@ -185,7 +186,7 @@ class ProfileMoves:
         late = next(w for w in courses if not w.is_done)
         increment = late.channel.axis.increment
         raise AxisFault(
-            f"target {(late.end or 0) * increment:.9g} m is not reached within {timeout:.3g} s, it "
+            f"target {late.start:.9g} m is not reached within {timeout:.3g} s, it "
             f"is at {late.channel.position * increment:.9g} m "
             f"(statusword 0x{late.channel.statusword:04X})",
             axis=late.channel.axis.name, obj=od.TARGET_POSITION,
@@ -222,8 +223,9 @@ class ProfileMoves:
             self.wait()
         for course in self._courses.values():
             # 0x607A may hold a distance, which csp would take for a position
-            if course.end is not None:
-                course.channel.target = course.channel.position if self.halted else course.end
+            if course.setpoint is not None:
+                end = course.setpoint.end
+                course.channel.target = course.channel.position if self.halted else end
 
     def _check_enabled(self) -> None:
         for channel in self._cycle.channels:
