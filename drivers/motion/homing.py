@@ -15,12 +15,9 @@ from enum import Enum, auto
 from drivers import objects as od
 from drivers.canopen import error_text
 from drivers.cyclic import Channel, Cycle
-from drivers.drive import Command, Control, Mode, State, Status
+from drivers.drive import Command, Control, State, Status
 from drivers.errors import HomingError
 from drivers.motion.fault_report import read_quietly
-from drivers.motion.power import HOLDING_TIMEOUT, Power
-from drivers.motion.safe_stop import SafeStop
-from drivers.motion.standstill import wait_for_rest
 from drivers.settings import AxisSettings
 
 START_TIMEOUT = 0.5
@@ -67,28 +64,6 @@ def next_progress(statusword: int, before: Progress, elapsed: float) -> Progress
     if not reached:
         return Progress.RUNNING
     return Progress.INTERRUPTED if before is Progress.RUNNING else Progress.WAITING
-
-
-class Homing:
-    """Homes the axes; arguments and errors as in `Stage`."""
-
-    def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop) -> None:
-        self._cycle, self._power, self._stopping = cycle, power, stopping
-
-    def home(self, force: bool) -> None:
-        """Homes all axes that are not homed yet, with `force` all axes."""
-        chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
-        if not chosen:
-            return
-        for channel in chosen:
-            channel.axis.check_objects(Mode.HOMING)
-        with self._stopping.on_failure():
-            self._power.enter(Mode.HOMING, chosen)
-            home(self._cycle, chosen)
-            # homing ends with the drive's demand; csp starts at the actual position, so a following
-            # error left by then would become a step of the target
-            wait_for_rest(self._cycle, HOLDING_TIMEOUT)
-            self._cycle.check_alarms()
 
 
 def home(cycle: Cycle, channels: Sequence[Channel]) -> None:

@@ -1,4 +1,7 @@
-"""Checks of setpoints against the limits of an axis, before anything is sent."""
+"""Checks of setpoints against the limits of an axis, before anything is sent.
+
+Source: CiA 402-2, modes 1, 8, 9 and 10: 0x607A, 0x60FF, 0x6071 and 0x60B2.
+"""
 
 from __future__ import annotations
 

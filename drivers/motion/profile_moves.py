@@ -15,7 +15,7 @@ from drivers.cyclic import Channel, Cycle
 from drivers.drive import Control, Status
 from drivers.errors import AxisFault, ConfigurationError
 from drivers.motion.limits import Setpoint, checked_profile
-from drivers.motion.power import HOLDING_TIMEOUT, Power
+from drivers.motion.power import HOLDING_TIMEOUT
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
     SETTLING_TIMEOUT,
@@ -81,7 +81,6 @@ class ProfileMoves:
 
     Args:
         cycle: the cyclic path; all axes are enabled in pp.
-        power: of the same axes.
         velocity: default of the profiles [m/s].
         acceleration: default of the profiles, also for braking [m/s^2].
 
@@ -89,10 +88,9 @@ class ProfileMoves:
         halted: between `halt` and `resume`.
     """
 
-    def __init__(self, cycle: Cycle, power: Power, velocity: float, acceleration: float) -> None:
+    def __init__(self, cycle: Cycle, velocity: float, acceleration: float) -> None:
         self.halted = False
         self._cycle = cycle
-        self._power = power
         self._velocity, self._acceleration = velocity, acceleration
         self._courses = {c: _Course(c) for c in cycle.channels}
 

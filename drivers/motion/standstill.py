@@ -1,4 +1,4 @@
-"""Standstill of all axes: waiting for it, and braking by the halt bit (controlword bit 8)."""
+"""Standstill of all axes: waiting for it, and braking by the halt bit (0x6040, bit 8)."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class SqlMaps:
         return self._database.name
 
     def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
-        """Save a new version of the stage's map; returns its number."""
+        """Save a new version of the stage's map, made at a time [s]; returns its number."""
         with self._database.transaction():
             owner = self._stage_number(stage)
             rows = self._database.execute(
@@ -58,7 +58,7 @@ class SqlMaps:
         ]
 
     def activate(self, stage: StageKey, number: int | None, time: float, reason: str) -> None:
-        """Make a version the active one; None: no map is active.
+        """Make a version the active one from a time [s] on; None: no map is active.
 
         Raises:
             ValueError: there is no such version.

@@ -1,8 +1,8 @@
 """What a room offers says shapes, units, errors and sources where it has any.
 
 Offered is what the `__init__` of a room imports for others, and what docs/reference/python.md
-names. Of classes, their public methods are looked at, too. A module may name the source of an
-equation or object for all of its functions.
+names. Of classes, their public methods are looked at, too, also those that they inherit. A module
+may name the source of an equation or object for all of its functions.
 """
 
 from __future__ import annotations
@@ -88,12 +88,22 @@ def _functions():
             continue
         node = next((n for n in _tree(module).body if getattr(n, "name", None) == name), None)
         if isinstance(node, ast.ClassDef):
-            of_class = ast.get_docstring(node) or ""
-            for inner in filter(_is_public, node.body):
-                done[f"{module}.{name}.{inner.name}"] = (module, inner, of_class)
+            for base in _own_classes(thing):
+                of_class = ast.get_docstring(base) or ""
+                for inner in filter(_is_public, base.body):
+                    done.setdefault(f"{module}.{name}.{inner.name}", (module, inner, of_class))
         elif node is not None:
             done[f"{module}.{name}"] = (module, node, "")
     return done
+
+
+def _own_classes(thing):
+    """A class and those of this project that it inherits from."""
+    for base in inspect.getmro(thing):
+        if base.__module__.partition(".")[0] in PACKAGES:
+            yield next(
+                n for n in _tree(base.__module__).body if getattr(n, "name", None) == base.__name__
+            )
 
 
 FUNCTIONS = _functions()
@@ -109,7 +119,7 @@ def _annotations(function):
 
 def test_there_are_functions_to_look_at():
     assert len(FUNCTIONS) > 150
-    assert "drivers.stage.Stage.stream" in FUNCTIONS
+    assert "drivers.stage.stage.Stage.stream" in FUNCTIONS
 
 
 def _lacks(function, of_class):

@@ -6,18 +6,15 @@ Source: CiA 402-2, mode 1: 0x607A, 0x6081, 0x6083, 0x6084, and 0x6040 bits 4, 5,
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from drivers.cyclic import Channel, Cycle, Sink, Until, decode_rows
+from drivers.cyclic import Channel, Until, decode_rows
 from drivers.cyclic.rows import Row
 from drivers.drive import Control, Mode
 from drivers.errors import AxisFault
-from drivers.motion.limits import Setpoint, check_profile, checked_profile
-from drivers.motion.power import Power
-from drivers.motion.profile_moves import ProfileMoves
-from drivers.motion.safe_stop import SafeStop
+from drivers.motion import ProfileMoves, Setpoint, check_profile, checked_profile
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
     SETTLING_TIMEOUT,
@@ -28,63 +25,106 @@ from drivers.motion.setpoint_handshake import (
     run,
 )
 from drivers.motion.standstill import brake
+from drivers.stage.power import StagePower
+from drivers.stage.session import exclusive
 from stagedata import Samples
 
 
-class ProfilePosition:
-    """Moves in pp; arguments and errors as in `Stage`.
+class StageProfiles(StagePower):
+    """Moves axes by their drives' own profiles (pp)."""
 
-    Args:
-        cycle, power, stopping: of the stage.
-        return_to_csp: enables all axes in csp.
-    """
+    @exclusive
+    def check_move_to(self, axis: str, velocity: float, acceleration: float) -> None:
+        """Checks, before power, that `move_to` can move an axis of the booted stage.
 
-    def __init__(
-        self, cycle: Cycle, power: Power, stopping: SafeStop, return_to_csp: Callable[[], None]
-    ) -> None:
-        self._cycle, self._power = cycle, power
-        self._stopping, self._return_to_csp = stopping, return_to_csp
+        The profile is written to the drive, which shows whether it takes it.
 
+        Args:
+            axis: its name.
+            velocity: of the profile [m/s].
+            acceleration: of the profile, also for braking [m/s^2].
+
+        Raises:
+            LimitError: velocity or acceleration is outside the axis' limits, or nothing in the
+                drive's units.
+            ConfigurationError: its drive lacks mode pp or an object of its profile, or holds a
+                faster one.
+            NodeError: no answer, or the drive refuses the profile.
+        """
+        chosen = self._cycle.channel(axis).axis
+        check_profile(chosen.settings, velocity, acceleration)
+        chosen.check_mode(Mode.PROFILE_POSITION)
+        chosen.set_profile(velocity, acceleration)
+
+    @exclusive
     def move_to(
         self,
         axis: str,
         position: float | Sequence[float],
         velocity: float,
         acceleration: float,
-        relative: bool,
+        relative: bool = False,
     ) -> None:
-        """Moves one axis to one target [m], or from target to target, at [m/s, m/s^2]."""
+        """Moves one axis by the drive's own profile (pp); returns when the target is reached.
+
+        All axes end enabled in csp, this one holding the target.
+
+        Args:
+            axis: its name.
+            position: absolute [m], or several positions, each begun when the previous one is
+                reached.
+            velocity: of the profile [m/s].
+            acceleration: of the profile, also for braking [m/s^2].
+            relative: positions count from the previous target, the first from the actual position.
+
+        Raises:
+            LimitError: outside the axis' limits; nothing was sent.
+            ConfigurationError: the drive does not offer pp, or lacks an object of its profile;
+                nothing was changed.
+            AxisFault: the axis faulted or did not arrive; all axes are stopped.
+        """
         channel = self._cycle.channel(axis)
         targets = [position] if isinstance(position, int | float) else list(position)
         start = channel.position * channel.axis.increment
         setpoints = checked_profile(
             channel.axis.settings, start, targets, velocity, acceleration, relative
         )
-        self.check(axis, velocity, acceleration)
+        self.check_move_to(axis, velocity, acceleration)
         with self._stopping.on_failure():
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
             self._power.enter(Mode.PROFILE_POSITION)
             run(self._cycle, _follow(channel, setpoints, self._cycle.period))
-        self._return_to_csp()
+        self.enable()
 
+    @exclusive
     def stream_to(
         self,
         targets: Sequence[float],
         velocity: Sequence[float],
         acceleration: Sequence[float],
-        until: Until | None,
-        sink: Sink | None,
+        until: Until | None = None,
     ) -> Samples:
-        """Moves all axes to their targets [m] at once, with a sample of every SYNC.
+        """Moves all axes at once by their drives' own profiles (pp), with a sample of every SYNC.
+
+        For a stage that holds in pp, having a drive without csp. The samples' demand is the target,
+        from the first one on.
+
+        Args:
+            targets: [m], one per axis.
+            velocity: of each axis' profile [m/s].
+            acceleration: of each axis' profile, also for braking [m/s^2].
+            until: gets the actual positions [m] after each SYNC; True halts the axes where they
+                come to rest.
 
         Raises:
-            AxisFault: the stage is not enabled, or not in pp; and as `Stage.stream_to`.
-            LimitError: a target is beyond the limits; nothing was sent.
+            LimitError: outside an axis' limits; nothing was sent.
+            AxisFault: the stage is not enabled in pp, an axis faulted or did not arrive; all axes
+                are stopped.
         """
         self._power.require_enabled()
         if self._power.mode is not Mode.PROFILE_POSITION:
-            raise AxisFault("the stage is not in pp", axis=self._cycle.axes[0].name)
+            raise AxisFault("the stage is not in pp", axis=self.axes[0].name)
         channels, period, rows = self._cycle.channels, self._cycle.period, array("q")
         checked = [
             checked_profile(c.axis.settings, c.target * c.axis.increment, [t], v, a, False)[0]
@@ -97,16 +137,50 @@ class ProfilePosition:
                     slower = c.axis.set_profile(v, a)
                     timed = replace(s, duration=slower * s.duration)
                     under_way.append(approach(c, timed, period))
-            self._cycle.stream_rows(_rows(channels, under_way), rows, sink, until)
+            self._cycle.stream_rows(_rows(channels, under_way), rows, self.sink, until)
             if under_way:
                 self.halt()
-        return decode_rows(rows, self._cycle.axes)
+        return decode_rows(rows, self.axes)
 
+    @contextmanager
+    def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
+        """Moves by the drives' own profiles whose targets may change on the way.
+
+        The end of the block waits for all targets; the axes then are enabled in csp. An exception
+        inside stops all axes. Other threads cannot use the bus meanwhile.
+
+        Args:
+            velocity: default of the profiles [m/s].
+            acceleration: default of the profiles, also for braking [m/s^2].
+
+        Raises:
+            AxisFault: the stage is not enabled, an axis faults or does not arrive.
+            ConfigurationError: a drive does not offer pp.
+        """
+        with self._network.lock:
+            self._power.require_enabled()
+            for axis in self.axes:
+                axis.check_mode(Mode.PROFILE_POSITION)
+            with self._stopping.on_failure():
+                self._power.enter(Mode.PROFILE_POSITION)
+                moves = ProfileMoves(self._cycle, velocity, acceleration)
+                yield moves
+                moves.end()
+            self.enable()
+
+    @exclusive
     def halt(self) -> None:
-        """Halts all axes, which are enabled in pp; where they come to rest is their target then.
+        """As `StagePower.halt`; in pp, where the axes come to rest is their target then.
 
         A drive whose halt ends goes on to the target that it has: it gets another one before.
+
+        Raises:
+            AxisFault: as there.
         """
+        if self._power.mode is not Mode.PROFILE_POSITION:
+            super().halt()
+            return
+        self._power.require_enabled()
         bits = int(Control.CHANGE_IMMEDIATELY | Control.HALT)
         with self._stopping.on_failure():
             brake(self._cycle, self._stopping.halt_timeout)
@@ -117,26 +191,6 @@ class ProfilePosition:
             for channel in self._cycle.channels:
                 channel.controlword &= ~int(Control.HALT)
             self._cycle.exchange()
-
-    def check(self, axis: str, velocity: float, acceleration: float) -> None:
-        """Checks that the drive can move at [m/s, m/s^2]: its profile is written, nothing moves."""
-        chosen = self._cycle.channel(axis).axis
-        check_profile(chosen.settings, velocity, acceleration)
-        chosen.check_mode(Mode.PROFILE_POSITION)
-        chosen.set_profile(velocity, acceleration)
-
-    @contextmanager
-    def moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
-        """All axes in pp, to be moved and redirected inside the block, at [m/s, m/s^2]."""
-        self._power.require_enabled()
-        for axis in self._cycle.axes:
-            axis.check_mode(Mode.PROFILE_POSITION)
-        with self._stopping.on_failure():
-            self._power.enter(Mode.PROFILE_POSITION)
-            moves = ProfileMoves(self._cycle, self._power, velocity, acceleration)
-            yield moves
-            moves.end()
-        self._return_to_csp()
 
 
 def _follow(channel: Channel, setpoints: Sequence[Setpoint], period: float) -> Steps[None]:

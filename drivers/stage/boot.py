@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 
 from drivers.canopen import LISTENING, MonotonicClock, Network
 from drivers.cyclic import Cycle
-from drivers.drive import Axis
 from drivers.errors import BusError, ConfigurationError, NodeError
 from drivers.settings import BusSettings
 
@@ -21,15 +19,12 @@ class Boot:
     Args:
         network: of the bus.
         cycle: of the axes.
-        axes: of the stage.
         settings: of the bus.
     """
 
-    def __init__(
-        self, network: Network, cycle: Cycle, axes: Sequence[Axis], settings: BusSettings
-    ) -> None:
-        self._network, self._cycle = network, cycle
-        self._axes, self._settings = axes, settings
+    def __init__(self, network: Network, cycle: Cycle, settings: BusSettings) -> None:
+        self._network, self._cycle, self._settings = network, cycle, settings
+        self._axes = cycle.axes
         self._listened = False
 
     def listen(self) -> None:
