@@ -21,13 +21,11 @@ import can
 from hil_sim.bus.connection import Connection
 from hil_sim.bus.subscriptions import Scheduler
 from hil_sim.stage import VirtualStage
+from stagedata.stamps import Stamps, is_stamped
 
 _LONGEST_WAIT = 0.05  # [s], so that `stop` is noticed on a silent bus
 _SYNC = 0x080
-_STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces stamped by this computer's clock
-_OLDEST = 1_000_000_000  # [ns]; an older time stamp is of another clock
 _GAIN, _SLEW = 2e-3, 1_000  # of the phase lock: share of the error, and limit [ns], per SYNC
-_COMPARE_NS = 50_000_000  # period at which the two clocks are compared
 
 
 class RealTimeSegment(Scheduler):
@@ -36,7 +34,6 @@ class RealTimeSegment(Scheduler):
     Attributes:
         refused: number of frames that the bus did not accept.
         sync_overtaken: the frame being handled is a SYNC, and the next one has arrived already.
-        overtaken: number of such SYNCs.
     """
 
     def __init__(
@@ -57,14 +54,13 @@ class RealTimeSegment(Scheduler):
             notify: see above.
         """
         super().__init__()
-        self.refused = self.overtaken = 0
+        self.refused = 0
         self._connection = Connection(bus, reopen, notify, clock)
-        self._stamped = any(f".{name}" in type(bus).__module__ for name in _STAMPED)
+        self._stamps = Stamps() if is_stamped(bus) else None
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
-        self._compare_clocks()
         self._tick_ns, self._gain = tick_ns, 1.0
 
     def emit(self, can_id: int, data: bytes) -> None:
@@ -92,7 +88,6 @@ class RealTimeSegment(Scheduler):
             self._run_timers(arrival)
             self.now_ns = max(self.now_ns, arrival)
             self.sync_overtaken = can_id == _SYNC and any(i == _SYNC for _, i, _ in self._waiting)
-            self.overtaken += self.sync_overtaken
             if can_id == _SYNC and self._tick_ns:
                 self._track_sync(arrival)
             for handler in self._handlers.get(can_id, ()):
@@ -104,24 +99,10 @@ class RealTimeSegment(Scheduler):
     def _enqueue(self, message: can.Message) -> None:
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
-        now = self._elapsed()
-        arrival = now
-        if self._stamped:
-            if now - self._compared > _COMPARE_NS:
-                self._compare_clocks()
-            arrival = int(message.timestamp * 1e9) - self._wall
-            if not now - _OLDEST < arrival <= now:
-                arrival = now
+        arrival = self._elapsed()
+        if self._stamps is not None:
+            arrival = self._stamps(message.timestamp, arrival + self._origin) - self._origin
         self._waiting.append((arrival, message.arbitration_id, bytes(message.data)))
-
-    def _compare_clocks(self) -> None:
-        """Measure what the wall clock, which stamps the frames, reads at time 0."""
-        readings = []
-        for _ in range(3):  # the quickest reading is the one that was not interrupted
-            before, wall, after = self._clock(), time.time_ns(), self._clock()
-            readings.append((after - before, wall - (before + after) // 2))
-        self._wall = min(readings)[1] + self._origin
-        self._compared = self._elapsed()
 
     def _track_sync(self, arrival: int) -> None:
         """Shift time until SYNC is in the middle of a control tick, as a phase-locked loop does.
@@ -130,9 +111,7 @@ class RealTimeSegment(Scheduler):
         """
         error = arrival % self._tick_ns - self._tick_ns // 2
         self._gain = max(_GAIN, self._gain / (1.0 + self._gain))
-        shift = max(-_SLEW, min(round(self._gain * error), _SLEW))
-        self._origin += shift
-        self._wall += shift
+        self._origin += max(-_SLEW, min(round(self._gain * error), _SLEW))
 
     def _run_timers(self, until: int) -> None:
         """Run the timers that are due until then, each at its time or now, whichever is later."""

@@ -1,4 +1,4 @@
-"""The clock of a bus, and arrival times from its time stamps."""
+"""The clock of a bus, and whether its frames carry times of arrival."""
 
 import time
 from types import SimpleNamespace
@@ -23,25 +23,6 @@ def test_a_bus_with_a_clock_provides_it(scripted):
 
 def bus_of(module, **attributes):
     return type("Bus", (), {"__module__": module, **attributes})()
-
-
-def test_the_time_stamp_gives_the_time_of_arrival():
-    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
-    assert arrived is not None
-    before, stamp, now = time.monotonic_ns(), time.time() - 0.25, time.monotonic_ns()
-    assert before - 251_000_000 < arrived(stamp, now) < now - 249_000_000
-    assert arrived(12.5, now) == now  # some other clock's
-    assert arrived(time.time() + 60, now) == now
-    assert not arrived.useless
-
-
-def test_a_bus_without_time_stamps_is_recognized_after_some_frames():
-    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
-    assert arrived is not None
-    for _ in range(200):
-        now = time.monotonic_ns()
-        assert arrived(0.0, now) == now
-    assert arrived.useless
 
 
 def test_time_stamps_of_another_clock_are_not_used():
