@@ -27,6 +27,7 @@ from estimation.observer.watch import (
 )
 from stagedata import F64
 from stagedata.compiled import kernel
+from stagedata.fields import of_type
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
 """Columns of a sample: [increments], [1/1000 rated], 1 or 0, time of its frame after SYNC [ns]."""
@@ -47,28 +48,14 @@ Records = NDArray[np.void]
 
 AXIS_DTYPE = np.dtype(
     [
-        ("noise", "f8"),
-        ("walk", "f8"),
-        ("jump", "f8"),
-        ("correction_gain", "f8"),
-        ("kept", "f8"),
-        ("limit", "f8"),
-        ("bound", "f8"),
-        ("accelerated", "f8"),
-        ("forgets", "f8"),
-        ("leak", "f8"),
-        ("most_leak", "f8"),
-        ("unwinds", "f8"),
-        ("ends", "i8"),
-        ("increment", "f8"),
-        ("unit", "f8"),
-        ("saturation", "f8"),
-        ("first_tick", "f8"),
-        ("usual_step", "f8"),
-        ("period", "f8"),
+        *of_type("f8", "noise", "walk", "jump", "correction_gain", "kept", "limit", "bound",
+            "accelerated", "forgets", "leak", "most_leak", "unwinds", "increment", "unit",
+            "saturation", "first_tick", "usual_step", "period",
+        ),
+        *of_type("i8", "ends"),
     ],
     align=True,
-)
+)  # fmt: skip
 """Figures of an axis.
 
 - noise, walk: variance of a sample [m^2] and of a period's step of the disturbance [N^2]; jump:
@@ -86,26 +73,14 @@ AXIS_DTYPE = np.dtype(
 """
 NOW_DTYPE = np.dtype(
     [
-        ("phase", "i8"),
-        ("correction", "f8"),
-        ("base", "f8"),
-        ("acting", "f8"),
-        ("acting_before", "f8"),
-        ("carried", "f8"),
-        ("bend", "f8"),
-        ("deviation", "f8"),
-        ("sent", "i8"),
-        ("own", "f8"),
-        ("goes_on", "?"),
-        ("target", "i8"),
-        ("target_before", "i8"),
-        ("position", "i8"),
-        ("force", "i8"),
-        ("usual_arrival", "f8"),
-        ("usual_distance", "f8"),
+        *of_type("i8", "phase", "sent", "target", "target_before", "position", "force"),
+        *of_type("f8", "correction", "base", "acting", "acting_before", "carried", "bend",
+            "deviation", "own", "usual_arrival", "usual_distance",
+        ),
+        *of_type("?", "goes_on"),
     ],
     align=True,
-)
+)  # fmt: skip
 """State of an axis.
 
 - phase; correction, and base: what it was at rest before the present move [N]; acting,

@@ -32,6 +32,7 @@ import math
 import numpy as np
 
 from stagedata.compiled import kernel
+from stagedata.fields import of_type
 
 WATCHING, TRYING, OUT = range(3)
 """What the watchdog does with an axis: the correction acts; it is frozen, for an experiment; it is
@@ -81,58 +82,27 @@ LEAST_ANSWER = 1.0 / 3.0
 
 FIGURES_DTYPE = np.dtype(
     [
-        ("high_pass", "f8"),
-        ("block", "i8"),
-        ("floor", "f8"),
-        ("stands", "f8"),
-        ("kp", "f8"),
-        ("out_leak", "f8"),
+        *of_type("f8", "high_pass", "floor", "stands", "kp", "out_leak"),
+        *of_type("i8", "block"),
     ],
     align=True,
-)
+)  # fmt: skip
 """Figures of an axis: share kept by the high-pass; samples of a block; mean square of deviations
 that are unavoidable [m^2]; deviation that the take-over from the integrator causes [m]; gain of the
 drive [N/m]; leak per SYNC of a correction that is out [N]."""
 WATCH_DTYPE = np.dtype(
     [
-        ("mode", "i8"),
-        ("finding", "i8"),
-        ("findings", "i8"),
-        ("clock", "i8"),
-        ("found_at", "i8"),
-        ("rms", "f8"),
-        ("frequency", "f8"),
-        ("before", "f8"),
-        ("passed", "f8"),
-        ("count", "i8"),
-        ("power", "f8"),
-        ("sum", "f8"),
-        ("crossings", "i8"),
-        ("wait", "i8"),
-        ("allowed", "f8"),
-        ("last_error", "f8"),
-        ("strikes", "i8"),
-        ("turns", "i8"),
-        ("turned_in", "i8"),
-        ("stands", "i8"),
-        ("last_strike", "f8"),
-        ("closed_power", "f8"),
-        ("opened", "f8"),
-        ("known_power", "f8"),
-        ("tries", "i8"),
-        ("any_count", "i8"),
-        ("any_error", "f8"),
-        ("any_own", "f8"),
-        ("any_force", "f8"),
-        ("any_correction", "f8"),
-        ("limited", "i8"),
-        ("unanswered", "i8"),
-        ("mean", "f8"),
-        ("peak", "f8"),
-        ("pushed_from", "f8"),
+        *of_type("i8", "mode", "finding", "findings", "clock", "found_at", "count", "crossings",
+            "wait", "strikes", "turns", "turned_in", "stands", "tries", "any_count", "limited",
+            "unanswered",
+        ),
+        *of_type("f8", "rms", "frequency", "before", "passed", "power", "sum", "allowed",
+            "last_error", "last_strike", "closed_power", "opened", "known_power", "any_error",
+            "any_own", "any_force", "any_correction", "mean", "peak", "pushed_from",
+        ),
     ],
     align=True,
-)
+)  # fmt: skip
 """State of an axis.
 
 - mode; finding: the last one; findings: how many; clock: SYNCs so far; found_at: when the

@@ -21,9 +21,10 @@ from hil_sim.plant.friction.gms import element_shares
 from hil_sim.plant.friction.laws import NUMBERS, rest_forces
 from hil_sim.plant.ports.current_loop import write_coarse_weights
 from hil_sim.plant.ports.port_arrays import build_ports, write_coupling, write_ports
-from hil_sim.plant.ports.records import PORT_FIELDS, PORT_STATE_FIELDS, Arena, of_type
+from hil_sim.plant.ports.records import PORT_FIELDS, PORT_STATE_FIELDS, Arena
 from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
 from stagedata import F64
+from stagedata.fields import of_type
 
 _FIGURES = (
     "mass", "viscous", "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape",

@@ -12,17 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from stagedata.compiled import kernel
+from stagedata.fields import of_type
 
 LOOP_FIGURES = ("kp", "ki", "kd", "derivative_time", "peak_force")
 """Of `ControlSettings`."""
 CASCADE_FIGURES = ("position_gain", "velocity_integral", "feedforward", "span")
 """Of `CascadeSettings`."""
 CONTROL_DTYPE = np.dtype(
-    [
-        *((name, "f8") for name in (*LOOP_FIGURES, *CASCADE_FIGURES)),
-        ("cascaded", "?"),
-    ],
-    align=True,
+    [*of_type("f8", *LOOP_FIGURES, *CASCADE_FIGURES), ("cascaded", "?")], align=True
 )
 HELD_AT_POSITION = (
     "demand", "from_position", "to_position", "reading", "reading_before", "last_demand",
@@ -36,9 +33,9 @@ SET_TO_ZERO = (*_FORCES, *_RAMP)
 """Fields that are set to 0 then."""
 CONTROL_STATE_DTYPE = np.dtype(
     [
-        *((name, "?") for name in ("powered", "open")),
-        *((name, "f8") for name in (*HELD_AT_POSITION, *_FORCES)),
-        *((name, "i8") for name in _RAMP),
+        *of_type("?", "powered", "open"),
+        *of_type("f8", *HELD_AT_POSITION, *_FORCES),
+        *of_type("i8", *_RAMP),
     ],
     align=True,
 )

@@ -12,12 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stagedata import F64
-
-
-def of_type(kind: str, *names: str) -> list[tuple[str, str]]:
-    """Fields of one type of a record."""
-    return [(name, kind) for name in names]
-
+from stagedata.fields import of_type
 
 TABLES = (
     "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
@@ -38,7 +33,7 @@ PORT_FIELDS = [
     *of_type("i8", *(f"{name}_count" for name in LISTS)),
     *of_type("i8", "history", "history_depth", "delay_ticks", "delay_share", "coupling"),
     # weights of a coarse step: `current_loop`
-    *((f"{of}_{force}", "f8") for of in ("end", "mean", "early") for force in ("old", "start")),
+    *of_type("f8", *(f"{of}_{by}" for of in ("end", "mean", "early") for by in ("old", "start"))),
     ("coarse_share", "f8"),
 ]
 """Fields of the plant's record; integers without a count are offsets in the arena."""
