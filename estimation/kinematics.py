@@ -108,9 +108,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
         ):
             # Too slow for a direction: the elements stick until it has moved on visibly.
             i = _end_of_creep(position, i, stop, direction, CREPT_NOISE * noise)
-            for j in range(since, i + 1):
-                if 1 <= j <= count:
-                    heading[j - 1] = direction
+            heading[since - 1 : i] = direction
             share[i - 1], at[i - 1], sharpness[i - 1] = 1.0, position[i], 0.0
             anchor = position[i]
             while i < stop and abs(position[i] - anchor) <= rest:
@@ -122,16 +120,13 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
         if along >= 0.0:
             turned, extreme = i, position[i]
         elif along < -band:
-            for j in range(since, turned + 1):
-                if 1 <= j <= count:
-                    heading[j - 1] = direction
+            heading[since - 1 : turned] = direction
             if 1 <= turned <= count:
                 _vertex(position, turned, direction, noise, share, at, sharpness)
             since, direction = turned + 1, -direction
             turned, extreme = i, position[i]
     stop = _end_of_creep(position, stop, last, direction, STOP_NOISE * noise)
-    for j in range(since, min(stop, count) + 1):
-        heading[j - 1] = direction
+    heading[since - 1 : stop] = direction
     if stop <= count and share[stop - 1] < 0.0:
         share[stop - 1], at[stop - 1], sharpness[stop - 1] = 1.0, position[stop], 0.0
 

@@ -147,9 +147,7 @@ class Network(canopen.Network):
         return self
 
     def disconnect(self) -> None:
-        """Removes the nodes; the bus is closed by its opener."""
-        for node_id in list(self.nodes):
-            del self[node_id]
+        """Uses the bus no longer; it is closed by its opener."""
         self.bus = None
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from drivers import objects as od
 from drivers.canopen import Network, Node
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.rows import CorrectedOffsets, OffsetCorrection, Row, planned_rows
+from drivers.cyclic.rows import CorrectedOffsets, Row, planned_rows
 from drivers.cyclic.samples import SampleWriter, Sink
 from drivers.cyclic.sync_producer import Exchange
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
@@ -42,7 +42,7 @@ class Cycle:
 
     Attributes:
         sync: the SYNC producer.  axes: in order.  channels: one per axis.
-        clock: of the bus.  period: Ts [s].
+        network, clock: of the bus.  period: Ts [s].
         corrected: rows of streams with corrected force offsets; None where they go as planned.
     """
 
@@ -51,7 +51,7 @@ class Cycle:
         self.channels = self.sync.channels
         self.axes, self.clock = tuple(axes), network.clock
         self.period = settings.period_ns * 1e-9
-        self._network = network
+        self.network = network
         self._period = settings.period_ns
         self._max_missed, self._max_late = settings.max_missed, settings.max_late
         self.corrected: CorrectedOffsets | None = None
@@ -61,10 +61,6 @@ class Cycle:
         for axis in axes:
             axis.node.on_alarm = self._alarmed.append
         network.other_host.on_found = lambda: self._alarmed.append(network)
-
-    def pump(self, duration: float) -> None:
-        """Waits for `duration` [s] without SYNC, keeping heartbeats up both ways."""
-        self._network.pump(duration)
 
     def channel(self, axis: str) -> Channel:
         """The channel of the axis of this name.
@@ -104,26 +100,11 @@ class Cycle:
             exchange()
             yield
 
-    def reset(self) -> None:
-        """Discards what was received: the axes are about to be configured again."""
-        for channel in self.channels:
-            channel.reset()
-
-    def set_heartbeat(self, on: bool) -> None:
-        """Switches the host's heartbeat; without it the drives stop by themselves."""
-        self._network.beats = on
-
-    def correct_offsets(self, correction: OffsetCorrection | None) -> None:
-        """Has the force offsets of all further streams corrected; None: no longer."""
-        self.corrected = (
-            None if correction is None else CorrectedOffsets(correction, self.sync, self._period)
-        )
-
     def clear_alarms(self) -> None:
         """Clears the nodes' alarms and missed samples, but not the presence of another host."""
         self._alarmed.clear()
-        if self._network.other_host.found is not None:
-            self._alarmed.append(self._network)
+        if self.network.other_host.found is not None:
+            self._alarmed.append(self.network)
         for channel in self.channels:
             channel.axis.node.clear_alarms()
             channel.missed = 0
@@ -136,7 +117,7 @@ class Cycle:
             AxisFault: a node's alarm, or too many SYNCs in a row with missing or doubled TPDOs.
         """
         if self._alarmed:
-            self._network.check_alone()
+            self.network.check_alone()
             for node in self._alarmed:
                 if isinstance(node, Node) and (alarm := node.alarm) is not None:
                     raise AxisFault(
@@ -187,7 +168,7 @@ class Cycle:
             sink: called with each `Sample`.
             until: called with the actual positions [m]; True ends the stream.
             planned: float64[K, n], offsets before rounding, which are then corrected on the way
-                (`correct_offsets`); None: `offsets` are sent as they are.
+                (`corrected`); None: `offsets` are sent as they are.
 
         Raises:
             BusError: the bus fails.
@@ -276,7 +257,7 @@ class Cycle:
         self._late_in_a_row += 1
         if self._late_in_a_row > self._max_late:
             raise BusError(
-                f"bus {self._network.label}: SYNC was late {self._late_in_a_row} times in a row "
+                f"bus {self.network.label}: SYNC was late {self._late_in_a_row} times in a row "
                 f"(max_late is {self._max_late}): the host cannot keep up with "
                 f"{self._period * 1e-6:g} ms"
             )

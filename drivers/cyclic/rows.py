@@ -109,15 +109,14 @@ class CorrectedOffsets:
     Args:
         correction: chooses them.
         sync: the SYNC producer.
-        period_ns: Ts [ns].
 
     Attributes:
         failure: why the correction stays as it is; None while it works.
     """
 
-    def __init__(self, correction: OffsetCorrection, sync: Exchange, period_ns: int) -> None:
+    def __init__(self, correction: OffsetCorrection, sync: Exchange) -> None:
         self.failure: str | None = None
-        self._correction, self._sync, self._period = correction, sync, period_ns
+        self._correction, self._sync, self._period = correction, sync, sync.period
         self._before = self._last = -1
         # sent and planned with the last row that was corrected
         self._chosen: Sequence[int] = [0] * len(sync.channels)

@@ -61,7 +61,7 @@ class Exchange:
         self.notices: list[str] = []
         self._network = network
         self._settings = settings
-        self.period = self._period = settings.period_ns
+        self.period = settings.period_ns
         self._half = settings.period_ns // 2
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
         self._now_ns = network.clock.now_ns
@@ -115,7 +115,7 @@ class Exchange:
             self.notices.append(_NO_STAMPS)
         now = self._now_ns()
         if self._kernel is None and now > self._due:
-            self._due += -(-(now - self._due) // self._period) * self._period
+            self._due += -(-(now - self._due) // self.period) * self.period
 
     def _start_kernel_sync(self) -> None:
         """Has the kernel send SYNC where the settings ask for it and the bus can."""
@@ -187,7 +187,7 @@ class Exchange:
         if direct is None or self._overflow or self._due >= self._network.service_due:
             self._send_setpoints(frames, now)
         elif direct.try_sync(frames, self._due, bus.recv):
-            self.sent, self._due = self._due, self._due + self._period
+            self.sent, self._due = self._due, self._due + self.period
             self.offset, self.doubt = 0, -1
             self.late += late
             return late
@@ -211,11 +211,11 @@ class Exchange:
             network.service(now)
         if now - due > self._half:
             late = 1
-            passed = (now - due) // self._period
-            due += passed * self._period
+            passed = (now - due) // self.period
+            due += passed * self.period
             self._stall = (due, passed)
         self.sent = due
-        self._due = due + self._period
+        self._due = due + self.period
         if reception.arrival_of is not None:
             now = now_ns()
         for channel in self.channels:
@@ -247,7 +247,7 @@ class Exchange:
             return 0
         clock.sleep_until_ns(self._due)
         now = reception.sync_at = clock.now_ns()
-        self._due += (max(0, now - self._due) // self._period + 1) * self._period
+        self._due += (max(0, now - self._due) // self.period + 1) * self.period
         self._send_sync(now)
         for channel in self.channels:
             channel.expect_more(1)
@@ -264,7 +264,7 @@ class Exchange:
         if resumed or over:  # most time is left right after a SYNC; what is queued is old
             reception.drain(recv)
             periods, _ = self._await_sync(recv, frozenset())
-            self._due += periods * self._period
+            self._due += periods * self.period
             for channel in self.channels:
                 channel.expect_more(periods)
             now = self._now_ns()
@@ -275,10 +275,10 @@ class Exchange:
         passed = periods - 1
         late = int((passed > 0 or over) and not resumed)
         self.late += late
-        self.sent = self._due + passed * self._period
+        self.sent = self._due + passed * self.period
         if late:
             self._stall = (self.sent, passed)
-        self._due = self.sent + self._period
+        self._due = self.sent + self.period
         if resumed or self._phase is None:
             self._phase = at - self.sent
         self.offset = max(-_MAX_NS, min(at - self.sent - self._phase, _MAX_NS))
@@ -297,7 +297,7 @@ class Exchange:
         """
         now_ns, reception = self._now_ns, self.reception
         left = set(own)
-        deadline = now_ns() + max(_SILENT_PERIODS * self._period, _SILENT_NS)
+        deadline = now_ns() + max(_SILENT_PERIODS * self.period, _SILENT_NS)
         while True:
             message = recv(max(0.0, (deadline - now_ns()) * 1e-9))
             if message is None:

@@ -99,7 +99,7 @@ class Power:
             AxisFault: an axis faults, or does not become enabled.
         """
         chosen = self.channels if channels is None else channels
-        self._cycle.pump(0.0)
+        self._cycle.network.pump(0.0)
         self._cycle.clear_alarms()
         if self.change_over(mode, chosen):
             return
@@ -258,10 +258,10 @@ class Power:
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
                 if len(states) == len(self.channels) or count >= given_up:
-                    self._cycle.set_heartbeat(True)
+                    self._cycle.network.beats = True
                     return
             if count == round(SDO_DELAY / self._period):
-                self._cycle.set_heartbeat(moving[0] not in states)
+                self._cycle.network.beats = moving[0] not in states
                 self.attempt_by_sdo(
                     Command.QUICK_STOP,
                     [c for c in self.channels if not c.valid or c.state is moving[0]],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from drivers.canopen import LISTENING, MonotonicClock, Network
+from drivers.canopen import LISTENING, MonotonicClock
 from drivers.cyclic import Cycle
 from drivers.errors import BusError, ConfigurationError, NodeError
 from drivers.settings import BusSettings
@@ -17,13 +17,12 @@ class Boot:
     """Boots the nodes of a stage, once or again.
 
     Args:
-        network: of the bus.
         cycle: of the axes.
         settings: of the bus.
     """
 
-    def __init__(self, network: Network, cycle: Cycle, settings: BusSettings) -> None:
-        self._network, self._cycle, self._settings = network, cycle, settings
+    def __init__(self, cycle: Cycle, settings: BusSettings) -> None:
+        self._network, self._cycle, self._settings = cycle.network, cycle, settings
         self._axes = cycle.axes
         self._listened = False
 
@@ -46,7 +45,8 @@ class Boot:
     def run(self) -> None:
         """Makes all nodes OPERATIONAL; errors as `Stage.boot`."""
         self._cycle.sync.stop()
-        self._cycle.reset()
+        for channel in self._cycle.channels:
+            channel.reset()
         try:
             self._configure_and_start()
         except (NodeError, ConfigurationError) as error:

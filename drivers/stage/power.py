@@ -86,7 +86,7 @@ class StagePower(StageState):
             mode = Mode.PROFILE_POSITION
         with self._stopping.on_failure():
             if self._power.enabled and self._power.mode is mode:
-                self._cycle.pump(0.0)
+                self._network.pump(0.0)
                 self._cycle.sync.resume()
                 self._cycle.exchange()  # the last TPDO may be old
                 if self._power.enabled:

@@ -72,7 +72,7 @@ class StageSession:
         self._power = Power(self._cycle)
         self._real_time = RealTime(bus.realtime)
         self._stopping = SafeStop(self._cycle, self._power)
-        self._start = Boot(self._network, self._cycle, bus)
+        self._start = Boot(self._cycle, bus)
 
     def _interrupted(self, _: int) -> None:
         if self.interrupt is not None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.cyclic import Channel, OffsetCorrection, Until, decode_rows
+from drivers.cyclic import Channel, CorrectedOffsets, OffsetCorrection, Until, decode_rows
 from drivers.drive import Mode, unit
 from drivers.errors import AxisFault
 from drivers.motion import TravelGuard, checked_forces, checked_positions, checked_velocities
@@ -39,7 +39,8 @@ class StageStreams(StagePower):
             correction: chooses each row's offsets after the sample before it; None: no longer. If
                 it fails, its last correction stays in effect, and `notices` says so.
         """
-        self._cycle.correct_offsets(correction)
+        corrected = None if correction is None else CorrectedOffsets(correction, self._cycle.sync)
+        self._cycle.corrected = corrected
 
     @exclusive
     def stream(

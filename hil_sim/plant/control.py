@@ -92,10 +92,19 @@ def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     loop.last_demand = loop.demand
     missing = wanted - loop.derivative
     raw = control.kd * missing + loop.integral + loop.offset
-    loop.output = min(max(raw, -control.peak_force), control.peak_force)
-    if raw == loop.output or (raw > loop.output) != (missing > 0.0):
-        loop.integral += control.velocity_integral * missing * period
+    _limit(control, loop, raw, missing, control.velocity_integral * missing * period)
     return error
+
+
+@kernel()
+def _limit(control, loop, raw, error, grown):  # type: ignore[no-untyped-def]
+    """Clamp the output to the peak force; the integrator stops while clamped.
+
+    `raw`: output wanted [N]; `error`: what the integrator adds up; `grown`: what it adds now [N].
+    """
+    loop.output = min(max(raw, -control.peak_force), control.peak_force)
+    if raw == loop.output or (raw > loop.output) != (error > 0.0):
+        loop.integral += grown
 
 
 @kernel()
@@ -119,7 +128,5 @@ def position_loop(control, loop, encoder, period):  # type: ignore[no-untyped-de
     loop.last_error = error
     loop.derivative += period / (control.derivative_time + period) * (rate - loop.derivative)
     raw = control.kp * error + loop.integral + control.kd * loop.derivative + loop.offset
-    loop.output = min(max(raw, -control.peak_force), control.peak_force)
-    if raw == loop.output or (raw > loop.output) != (error > 0.0):
-        loop.integral += control.ki * error * period
+    _limit(control, loop, raw, error, control.ki * error * period)
     return error
