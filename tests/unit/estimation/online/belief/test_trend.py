@@ -133,3 +133,16 @@ def test_a_vague_move_that_is_astray_is_no_step():
     change, variance = trend.carry(time + 0.2, time + 0.5)
     assert abs(change - before[0]) < 0.01
     assert variance < 0.03**2
+
+
+def test_the_odds_of_a_drift_return_to_even_within_half_a_minute():
+    trend = Trend(SETTINGS)
+    known = followed(trend, lambda time: 6.0 * math.exp(0.03 * time), 20, 1)
+
+    def odds():
+        return math.log(trend.probability / (1.0 - trend.probability))
+
+    before = odds()
+    assert before > 1.0
+    trend.saw(known[-1, 0] + 30.0, 6.0, 1e9, BELIEVED)  # a move that says nothing
+    assert odds() == pytest.approx(before * math.exp(-1.0), rel=0.02)
