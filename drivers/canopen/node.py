@@ -23,8 +23,6 @@ from drivers.settings import AxisSettings
 SECOND_ANSWER = 0.005
 """A second device with the same node id answers within this time after the first [s]."""
 REBOOTED = "the drive rebooted (boot-up message): its configuration is lost"
-HEARTBEAT_PRODUCER_MS = 100
-"""By default."""
 _HEARTBEATS = 3.5
 """Periods after which a node counts as silent."""
 

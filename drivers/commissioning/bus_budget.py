@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 SDO_BYTES = 8
 HEARTBEAT_PERIOD = 0.1
-"""Of the host and of every node [s] (`node.HEARTBEAT_PRODUCER_MS`, `bus.HEARTBEAT_NS`)."""
+"""Of the host and of every node [s] (`AxisSettings.heartbeat` by default, `bus.HEARTBEAT_NS`)."""
 
 
 def least_bits(data_bytes: int) -> int:

@@ -76,13 +76,11 @@ class Observation:
         change: measured over expected, minus 1.
         step: "site" or "common" where the level has stepped, else None; a "common" one takes the
             last "site" one back.
-        revoked: site of the step that is taken back, else None.
     """
 
     surprise: float
     change: float
     step: Literal["site", "common"] | None = None
-    revoked: int | None = None
 
 
 class SiteTracker:
@@ -262,13 +260,12 @@ class SiteTracker:
             noise = 1.0 / (weight / noise + (1.0 - weight) / wide)
         sign = self._detectors[site].update(surprise)
         step: Literal["site", "common"] | None = None
-        revoked: int | None = None
         if sign:
             step = "site"
             last = self._last_step
             if last is not None and last[0] != site and last[1] == sign:
                 if 0.5 < off / last[2] < 2.0:
-                    step, revoked = "common", last[0]
+                    step = "common"
             if step == "common" and last is not None:
                 # What the other site has taken for its own was everybody's.
                 self.state[SITES + last[0]] -= last[3]
@@ -284,7 +281,7 @@ class SiteTracker:
         if step == "site" and self._last_step is not None:
             taken = float(self.state[SITES + site]) - self._last_step[3]
             self._last_step = (site, sign, off, taken)
-        return Observation(surprise, math.expm1(off), step, revoked)
+        return Observation(surprise, math.expm1(off), step)
 
     def _heavy_tailed(self, off: float, variance: float) -> tuple[float, float]:
         """Equivalent normal z under the mixture with outliers; probability of no outlier.

@@ -50,9 +50,9 @@ def require_length(length: int, expected: int) -> None:
 
 
 @functools.cache
-def load_eds(path: Path, node_id: int) -> ObjectDictionary:
+def load_eds(node_id: int) -> ObjectDictionary:
     """The EDS with `$NODEID` resolved; shared, never written."""
-    return import_od(str(path), node_id=node_id)
+    return import_od(str(EDS_PATH), node_id=node_id)
 
 
 class Dictionary:
@@ -61,7 +61,6 @@ class Dictionary:
     Args:
         node_id: 1..127, resolves `$NODEID` in the EDS.
         parameters: defaults of this unit in place of the EDS' (limits, gains, rated force), by key.
-        path: of the EDS.
 
     Attributes:
         object_dictionary: the objects, with types and access; canopen's SdoServer reads it.
@@ -76,10 +75,8 @@ class Dictionary:
         ValueError: a parameter that the EDS does not have.
     """
 
-    def __init__(
-        self, node_id: int, parameters: dict[int, Value] | None = None, path: Path = EDS_PATH
-    ) -> None:
-        self.object_dictionary = load_eds(path, node_id)
+    def __init__(self, node_id: int, parameters: dict[int, Value] | None = None) -> None:
+        self.object_dictionary = load_eds(node_id)
         self.variables: dict[int, ODVariable] = {}
         for entry in self.object_dictionary.values():
             members = [entry] if isinstance(entry, ODVariable) else entry.values()
@@ -91,7 +88,7 @@ class Dictionary:
         }
         unknown = (parameters or {}).keys() - self.variables.keys()
         if unknown:
-            raise ValueError(f"{name(min(unknown))}: not an object of {path.name}")
+            raise ValueError(f"{name(min(unknown))}: not an object of {EDS_PATH.name}")
         self._defaults.update(parameters or {})
         self.values: dict[int, Value] = {}
         self.live: dict[int, Callable[[], int]] = {}
