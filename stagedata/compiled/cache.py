@@ -65,7 +65,6 @@ class KernelCache(_Cache):
     def __init__(self, function: Any, options: Mapping[str, Any]) -> None:
         self._function = function
         self._options = options
-        self._enabled = True
         self._claim: BinaryIO | None = None
 
     @property
@@ -74,12 +73,10 @@ class KernelCache(_Cache):
         return str(kernel_folder().path)
 
     def enable(self) -> None:
-        """Keep what is compiled from now on."""
-        self._enabled = True
+        """Nothing: kernels are always kept."""
 
     def disable(self) -> None:
-        """Neither keep nor load."""
-        self._enabled = False
+        """Nothing, likewise; numba's interface has it and numba does not call it."""
 
     def flush(self) -> None:
         """Forget all that is kept of this kernel."""
@@ -91,8 +88,6 @@ class KernelCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The kernel for these types; None if it is not kept, and this process is to compile it."""
-        if not self._enabled:
-            return None
         name = self._file(sig, target_context.codegen())
         found = _read_shipped(name) or kernel_folder().read(name)
         if found is None:
@@ -104,11 +99,10 @@ class KernelCache(_Cache):
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the kernel; without room or permission it is compiled again next time."""
-        if self._enabled:
-            name = self._file(sig, data.codegen)
-            with suppress(OSError):
-                kernel_folder().write(name, _reduce(data))
-                kernel_folder().drop(name.rpartition("-")[0], KEPT)
+        name = self._file(sig, data.codegen)
+        with suppress(OSError):
+            kernel_folder().write(name, _reduce(data))
+            kernel_folder().drop(name.rpartition("-")[0], KEPT)
 
     @contextmanager
     def claimed(self) -> Iterator[None]:
