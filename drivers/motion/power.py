@@ -143,14 +143,13 @@ class Power:
         self.go(ready, channels)
         return True
 
-    def go(self, target: State, channels: Sequence[Channel] | None = None) -> None:
-        """Takes axes (all by default) to a power state.
+    def go(self, target: State, chosen: Sequence[Channel]) -> None:
+        """Takes axes to a power state.
 
         Raises:
             AxisFault: an axis is in FAULT, or does not reach the state in the time its settings
                 allow.
         """
-        chosen = self.channels if channels is None else channels
         self.unconfirmed.update(c.axis.name for c in chosen)
         late = chosen[0]
         longest = max(TIMEOUT, *(c.axis.settings.enable_timeout for c in chosen))
