@@ -50,14 +50,16 @@ run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 # What is marked slow is left to CI: make test SLOW=1.
 FAST = $(if $(SLOW),, and not slow)
 
-# First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
+# First what a busy machine only delays, several at a time: one more than there are processors, for
+# some of it mostly waits. Then what goes by this machine's clock, alone.
 # In their order, the long files of tests/system come first and none is left over for one process.
 # Of the latter only files that have any are collected: to import all of them takes long.
 # Files that tests read are UTF-8, whatever the locale.
 IN_REAL_TIME = grep -rlE "real_time|every_bus" tests --include="test_*.py"
+WORKERS = $$(($$(nproc) < 8 ? $$(nproc) + 1 : 8))
 define run_tests
-	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time$(FAST)" -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
-	PYTHONUTF8=1 $(1)/bin/python -m pytest -m "real_time$(FAST)" $$($(IN_REAL_TIME))
+	PYTHONUTF8=1 $(1)/bin/python -m pytest -m "not real_time$(FAST)" -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "real_time$(FAST)" $$($(IN_REAL_TIME))
 endef
 
 test: $(DEV) lint types layers ## lint, types, layers, all tests but slow ones; SLOW=1: those, too

@@ -5,9 +5,9 @@ STAGECTL_REQUIRE_VCAN=1 a session in which it did not run fails.
 
 A `real_time` test that fails while the machine itself was away (starvation.py) has shown nothing.
 It is run again, up to REPEATS times, and is inconclusive if the machine was away each time: that
-counts as skipped, and the end of the session lists it. With STAGECTL_REQUIRE_VCAN=1 more than FEW
-inconclusive tests fail the session, so that a fault that shows now and then cannot hide there. A
-test that fails while the machine was there has failed.
+counts as skipped, and the end of the session lists it. More than FEW inconclusive tests fail the
+session, so that a fault that shows now and then cannot hide there. A test that fails while the
+machine was there has failed.
 """
 
 import functools
@@ -26,9 +26,15 @@ from tests.starvation import DisturbedError, Watch
 
 REQUIRED = "STAGECTL_REQUIRE_VCAN"
 REPEATS, FEW = 2, 5
-COMPILING = ("test_mistakes.py", "test_gap_input.py", "test_ports.py", "test_identify.py")
-"""In a fresh clone these compile most kernels, no two the same ones: before all that need them, and
-side by side where there are workers."""
+INCONCLUSIVE = "Skipped: inconclusive"
+FIRST = (
+    "test_mistakes.py", "test_gap_input.py", "test_ports.py", "test_identify.py",
+    "test_vcan.py", "test_server.py", "test_console_in_browser.py", "test_procedure.py",
+    "test_along_motion.py",
+)  # fmt: skip
+"""In a fresh clone the first four compile most kernels, no two the same ones: before all that need
+them, and side by side where there are workers. The others take longest: begun late, one of them
+would go on when the other workers have nothing left to do."""
 TERMINAL = (
     "COLUMNS",
     "LINES",
@@ -39,10 +45,7 @@ TERMINAL = (
     "TTY_INTERACTIVE",
 )
 """What this suite was started from says nothing about what the tests show and read."""
-_outcome = pytest.StashKey[list[str]]()
-_ran = pytest.StashKey[bool]()
 _watch = pytest.StashKey[Watch]()
-_inconclusive = pytest.StashKey[list[str]]()
 
 # how long an example takes is this machine's business
 hypothesis.settings.register_profile(
@@ -65,41 +68,27 @@ def _each_eds_is_parsed_once():
         yield
 
 
-@pytest.fixture(scope="session")
-def vcan_outcome(pytestconfig):
-    """To know whether the SocketCAN tests ran, and a line for the end of the session."""
-
-    def tell(ran, line):
-        pytestconfig.stash[_ran] = pytestconfig.stash[_ran] or ran
-        pytestconfig.stash[_outcome].append(line)
-
-    return tell
+@pytest.fixture
+def vcan_outcome(record_property):
+    """To note whether the SocketCAN tests ran, and a line for the end of the session."""
+    return lambda ran, line: record_property("socketcan", (ran, line))
 
 
-def pytest_configure(config):
+def pytest_configure():
     for name in TERMINAL:  # of this process and those that it starts
         os.environ.pop(name, None)
-    config.stash[_outcome] = []
-    config.stash[_inconclusive] = []
-    config.stash[_ran] = False
 
 
 def pytest_collection_modifyitems(items):
-    items.sort(key=lambda item: COMPILING.index(n) if (n := item.path.name) in COMPILING else 99)
+    items.sort(key=lambda item: FIRST.index(n) if (n := item.path.name) in FIRST else len(FIRST))
     for item in items:
-        if _judged(item):
+        if item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.flaky(reruns=REPEATS, only_rerun=["DisturbedError"]))
-
-
-def _judged(item):
-    """Whether a failure counts only where the machine was there: not so with `judged=False`."""
-    marker = item.get_closest_marker("real_time")
-    return marker is not None and bool(marker.kwargs.get("judged", True))
 
 
 @contextmanager
 def _undisturbed(item):
-    if not _judged(item):
+    if not item.get_closest_marker("real_time"):
         yield
         return
     stash = item.config.stash
@@ -134,45 +123,66 @@ def pytest_unconfigure(config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
-    """Notes tests that ran on a SocketCAN bus in this session, and those that stay inconclusive."""
+    """A test that stays inconclusive counts as skipped."""
     report = yield
     disturbed = call.excinfo is not None and isinstance(call.excinfo.value, DisturbedError)
     if disturbed and getattr(item, "execution_count", 1) > REPEATS:
         assert call.excinfo is not None
-        item.config.stash[_inconclusive].append(item.nodeid)
         path, line, _ = item.location
         report.outcome = "skipped"
-        report.longrepr = (path, line or 0, f"Skipped: inconclusive: {call.excinfo.value}")
-    if report.when == "call" and report.passed and "[socketcan" in item.nodeid:
-        item.config.stash[_ran] = True
+        report.longrepr = (path, line or 0, f"{INCONCLUSIVE}: {call.excinfo.value}")
     return report
+
+
+class Session:
+    """What the reports of a session say, those of its workers included.
+
+    Attributes:
+        lines: on SocketCAN.
+        on_socketcan: tests ran there.
+        inconclusive: names of tests.
+    """
+
+    def __init__(self, config):
+        terminal = config.pluginmanager.get_plugin("terminalreporter")
+        reports = [r for each in terminal.stats.values() for r in each if hasattr(r, "when")]
+        noted = [v for r in reports for name, v in r.user_properties if name == "socketcan"]
+        self.lines = list(dict.fromkeys(line for _, line in noted))
+        self.on_socketcan = any(ran for ran, _ in noted) or any(
+            r.when == "call" and r.passed and "[socketcan" in r.nodeid for r in reports
+        )
+        self.inconclusive = [
+            r.nodeid for r in reports if r.skipped and INCONCLUSIVE in str(r.longrepr)
+        ]
+
+
+def _lacks_socketcan(config, found):
+    required = os.environ.get(REQUIRED) and not config.option.collectonly
+    return bool(required and not found.on_socketcan)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session, exitstatus):
-    config = session.config
-    if (
-        os.environ.get(REQUIRED)
-        and not config.stash[_ran]
-        and not config.option.collectonly
-        and exitstatus == pytest.ExitCode.OK
-    ):
-        config.stash[_outcome].append(f"SocketCAN part did not run, and {REQUIRED} is set")
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-    if os.environ.get(REQUIRED) and len(config.stash[_inconclusive]) > FEW:
+    if hasattr(session.config, "workerinput"):
+        return
+    found = Session(session.config)
+    lacking = exitstatus == pytest.ExitCode.OK and _lacks_socketcan(session.config, found)
+    if lacking or len(found.inconclusive) > FEW:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_terminal_summary(terminalreporter, config):
-    inconclusive = config.stash[_inconclusive]
-    if inconclusive:
-        verdict = "too many" if len(inconclusive) > FEW else f"at most {FEW} are accepted"
+    found = Session(config)
+    if found.inconclusive:
+        verdict = "too many" if len(found.inconclusive) > FEW else f"at most {FEW} are accepted"
         terminalreporter.section("inconclusive: the machine was away", sep="=", yellow=True)
-        for name in inconclusive:
+        for name in found.inconclusive:
             terminalreporter.write_line(name)
-        terminalreporter.write_line(f"{len(inconclusive)} real-time tests; {verdict}")
-    lines = config.stash[_outcome]
+        terminalreporter.write_line(f"{len(found.inconclusive)} real-time tests; {verdict}")
+    lines = found.lines
+    if _lacks_socketcan(config, found):
+        lines = [*lines, f"SocketCAN part did not run, and {REQUIRED} is set"]
     if lines:
-        terminalreporter.section("SocketCAN", sep="=", yellow=not config.stash[_ran])
+        terminalreporter.section("SocketCAN", sep="=", yellow=not found.on_socketcan)
         for line in lines:
-            terminalreporter.write_line(line, yellow=not config.stash[_ran])
+            terminalreporter.write_line(line, yellow=not found.on_socketcan)

@@ -14,8 +14,6 @@ from stagectl.protocol.requests import Abort, QueueRemove
 from tests.chromium import chromium
 from tests.processes import start
 
-pytestmark = pytest.mark.real_time(judged=False)
-
 RECIPE = """\
 recipe: nine
 macro: {velocity: 0.1, acceleration: 1.0, jerk: 50.0}

@@ -1,4 +1,7 @@
-"""The stage server as users meet it: a process of its own, virtual drives paced by the clock."""
+"""The stage server as users meet it: a process of its own, virtual drives paced by the clock.
+
+What those do is as in virtual time, however late the machine is.
+"""
 
 import itertools
 import json
@@ -19,8 +22,6 @@ from stagectl.protocol import requests as ask
 from stagectl.protocol.endpoint import Endpoint, endpoint
 from stagectl.store import read_notes, read_recording
 from tests.processes import drives_on, slow_machine, start
-
-pytestmark = pytest.mark.real_time
 
 RECIPE = """
 recipe: short
@@ -432,6 +433,7 @@ def test_axes_are_not_held_for_ever_and_a_server_ends_in_order(runtime, tmp_path
     assert "the server was stopped" in summary["interrupted"]["reason"]
 
 
+@pytest.mark.real_time
 def test_lost_drives_are_an_alarm_and_a_dead_server_stops_them(runtime, tmp_path, monkeypatch):
     bus = "udp_multicast:239.74.163.79"
     machine = slow_machine(tmp_path, bus, monkeypatch)

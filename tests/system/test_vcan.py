@@ -30,10 +30,9 @@ FILES = [
     if re.search("every_bus|socketcan", path.read_text(encoding="utf-8"))
 ]
 """Those that hold any: to collect all of them takes the guest long."""
-pytestmark = pytest.mark.real_time(judged=False)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def way(vcan_outcome):
     """How with-vcan would make a bus; skips where it cannot, or need not."""
     if os.environ.get("STAGECTL_HIL_SOCKETCAN"):
