@@ -4,12 +4,9 @@ Their commands are followed by `make docs-check`.
 """
 
 import importlib
-import json
 import re
-import resource
 import tomllib
 from pathlib import Path
-from statistics import mean
 
 import pytest
 
@@ -117,30 +114,6 @@ FIRST = (ROOT / "docs" / "tutorials" / "first-effect.md").read_text("utf-8")
 def test_the_first_tutorial_takes_few_commands():
     typed = [c for b in docs_commands.blocks(FIRST) for c in docs_commands.commands(FIRST, b)]
     assert 5 < len(typed) <= 12
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-def test_the_first_tutorial_names_an_effect_without_which_the_stage_settles_sooner():
-    """As it is written, in a quarter of an hour of one core."""
-    used = _cpu_time()
-    with docs_commands.copy_of_the_clone() as clone:
-        for command, printed in docs_commands.follow(FIRST, clone):
-            assert command.corrected(printed) == list(command.quoted)
-        before, after = (
-            mean(max(move["settling"].values()) for move in json.loads(text)["moves"])
-            for text in ((clone / run / "summary.json").read_text() for run in ("before", "after"))
-        )
-        assert "cross_coupling" in (clone / "twin.yaml").read_text()
-    assert before > 0.010
-    assert after < before / 3
-    assert _cpu_time() - used < 15 * 60.0
-
-
-def _cpu_time():
-    """Of processes that were started and have ended [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 PRINTED = "x: mass 8.0 -> 7.9992 kg, ±446, 20 sites, node 2 at 0x6041"
