@@ -51,15 +51,17 @@ run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 FAST = $(if $(SLOW),, and not slow)
 
 # First what a busy machine only delays, several at a time: one more than there are processors, for
-# some of it mostly waits. Then what goes by this machine's clock, alone.
+# some of it mostly waits. Then what goes by this machine's clock: it waits still more, so that the
+# longest file of it, which waits for a guest, runs beside the others.
 # In their order, the long files of tests/system come first and none is left over for one process.
 # Of the latter only files that have any are collected: to import all of them takes long.
 # Files that tests read are UTF-8, whatever the locale.
-IN_REAL_TIME = grep -rlE "real_time|every_bus" tests --include="test_*.py"
+IN_REAL_TIME = grep -rlE "real_time|every_bus" tests --include="test_*.py" | sort
 WORKERS = $$(($$(nproc) < 8 ? $$(nproc) + 1 : 8))
+IN_ORDER = --dist loadfile --no-loadscope-reorder
 define run_tests
-	PYTHONUTF8=1 $(1)/bin/python -m pytest -m "not real_time$(FAST)" -n $(WORKERS) --dist loadfile --no-loadscope-reorder
-	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "real_time$(FAST)" $$($(IN_REAL_TIME))
+	PYTHONUTF8=1 STAGECTL_REQUIRE_VCAN= $(1)/bin/python -m pytest -m "not real_time$(FAST)" -n $(WORKERS) $(IN_ORDER)
+	PYTHONUTF8=1 $(1)/bin/python -m pytest -m "real_time$(FAST)" -n 2 $(IN_ORDER) $$($(IN_REAL_TIME))
 endef
 
 test: $(DEV) lint types layers ## lint, types, layers, all tests but slow ones; SLOW=1: those, too

@@ -5,9 +5,9 @@ STAGECTL_REQUIRE_VCAN=1 a session in which it did not run fails.
 
 A `real_time` test that fails while the machine itself was away (starvation.py) has shown nothing.
 It is run again, up to REPEATS times, and is inconclusive if the machine was away each time: that
-counts as skipped, and the end of the session lists it. More than FEW inconclusive tests fail the
-session, so that a fault that shows now and then cannot hide there. A test that fails while the
-machine was there has failed.
+counts as skipped, and the end of the session lists it. With STAGECTL_REQUIRE_VCAN=1 more than FEW
+inconclusive tests fail the session, so that a fault that shows now and then cannot hide there. A
+test that fails while the machine was there has failed.
 """
 
 import functools
@@ -82,13 +82,19 @@ def pytest_configure():
 def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: FIRST.index(n) if (n := item.path.name) in FIRST else len(FIRST))
     for item in items:
-        if item.get_closest_marker("real_time"):
+        if _judged(item):
             item.add_marker(pytest.mark.flaky(reruns=REPEATS, only_rerun=["DisturbedError"]))
+
+
+def _judged(item):
+    """Whether a failure counts only where the machine was there: not so with `judged=False`."""
+    marker = item.get_closest_marker("real_time")
+    return marker is not None and bool(marker.kwargs.get("judged", True))
 
 
 @contextmanager
 def _undisturbed(item):
-    if not item.get_closest_marker("real_time"):
+    if not _judged(item):
         yield
         return
     stash = item.config.stash
@@ -156,19 +162,18 @@ class Session:
         ]
 
 
-def _lacks_socketcan(config, found):
-    required = os.environ.get(REQUIRED) and not config.option.collectonly
-    return bool(required and not found.on_socketcan)
+def _required(config):
+    worker = hasattr(config, "workerinput")
+    return bool(os.environ.get(REQUIRED)) and not worker and not config.option.collectonly
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session, exitstatus):
-    if hasattr(session.config, "workerinput"):
-        return
-    found = Session(session.config)
-    lacking = exitstatus == pytest.ExitCode.OK and _lacks_socketcan(session.config, found)
-    if lacking or len(found.inconclusive) > FEW:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+    if _required(session.config):
+        found = Session(session.config)
+        lacking = exitstatus == pytest.ExitCode.OK and not found.on_socketcan
+        if lacking or len(found.inconclusive) > FEW:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_terminal_summary(terminalreporter, config):
@@ -180,7 +185,7 @@ def pytest_terminal_summary(terminalreporter, config):
             terminalreporter.write_line(name)
         terminalreporter.write_line(f"{len(found.inconclusive)} real-time tests; {verdict}")
     lines = found.lines
-    if _lacks_socketcan(config, found):
+    if _required(config) and not found.on_socketcan:
         lines = [*lines, f"SocketCAN part did not run, and {REQUIRED} is set"]
     if lines:
         terminalreporter.section("SocketCAN", sep="=", yellow=not found.on_socketcan)

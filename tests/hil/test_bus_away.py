@@ -90,6 +90,7 @@ class Master:
             assert time.monotonic() < deadline, "timed out"
 
 
+@pytest.mark.real_time(judged=False)
 @pytest.mark.usefixtures("interface")
 @pytest.mark.parametrize("bus", on_a_vcan)
 def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus):

@@ -60,7 +60,10 @@ def test_recordings_of_an_object_store_are_diagnosed_once(bucket):
     [
         (["nowhere", "--out", "out"], "nowhere: no such file"),
         (["s4://fab", "--out", "out"], "s4://fab: "),
-        ([__file__, "--out", "out", "--scheduler", "tcp://127.0.0.1:9"], "no scheduler answers"),
+        (
+            [__file__, "--out", "out", "--scheduler", "tcp://127.0.0.1:9"],
+            "--scheduler tcp://127.0.0.1:9: no scheduler answers",
+        ),
         ([__file__, "--out", "out", "--scheduler", "a", "--workers", "2"], "--workers: a cluster"),
         ([__file__, "--out", __file__], "is a file, not a folder"),
         ([__file__, "--out", "out", "--history", "none.db"], "none.db: no such history"),

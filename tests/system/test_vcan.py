@@ -30,6 +30,7 @@ FILES = [
     if re.search("every_bus|socketcan", path.read_text(encoding="utf-8"))
 ]
 """Those that hold any: to collect all of them takes the guest long."""
+pytestmark = pytest.mark.real_time(judged=False)
 
 
 @pytest.fixture

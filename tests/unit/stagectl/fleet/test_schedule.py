@@ -11,7 +11,6 @@ import dask
 import pytest
 from distributed import Client, Future, LocalCluster
 
-from stagectl.errors import UnusableInput
 from stagectl.fleet.schedule import cluster_at, local_cluster, outcomes
 from stagectl.fleet.task import Done
 
@@ -116,11 +115,3 @@ def test_workers_keep_no_profile_while_they_diagnose():
             assert list(client.run(profiled).values()) == [[]]
         with Client(cluster) as client:
             assert list(client.run(profiled).values()) == [["profile", "profile-cycle"]]
-
-
-def test_no_scheduler_is_one_line():
-    with (
-        pytest.raises(UnusableInput, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler"),
-        cluster_at("tcp://127.0.0.1:9"),
-    ):
-        pass
