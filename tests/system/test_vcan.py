@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"
 TIME_LIMIT = 900
 """Several times what it takes, for a machine that others use too [s]."""
-TIMED_OUT = 124
 SELECTED = "socketcan and (not nosuchcan9 or scan)"
 """One command on an interface that is not there is enough: each start takes the guest seconds."""
 FILES = [
@@ -77,32 +76,27 @@ def test_bus_suite_and_commands_on_a_vcan(way, vcan_outcome, tmp_path):
     report = tmp_path / "report.xml"
     command = [
         sys.executable, "-m", "pytest", "-q", "-o", f"cache_dir={tmp_path / 'cache'}",
-        "-k", SELECTED, *FILES,
+        "-k", SELECTED, *FILES, f"--junitxml={report}",
     ]  # fmt: skip
-    with contextlib.closing(Watch()) as watch:
-        begin = watch.forget()
-        done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
-        absence = watch.since(begin)
-        again = ""
-        if done.returncode == TIMED_OUT and absence.share > SHARE:
-            again = f", at the second attempt: {absence}"
-            done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
-    assert report.exists(), f"with {way}, status {done.returncode}: {done.stdout}{done.stderr}"
+    attempt = ""
+    for _ in range(2):
+        with contextlib.closing(Watch()) as watch:
+            begin = watch.forget()
+            done = with_vcan(*command, PYTEST_ADDOPTS="")
+            absence = watch.since(begin)
+        passed = done.returncode == 0 and "inconclusive" not in done.stdout
+        if passed or absence.share <= SHARE:  # the guest's own watch has not seen all of it
+            break
+        attempt = ", at the second attempt"
+    assert done.returncode == 0, f"with {way}, {absence}: {done.stdout}{done.stderr}"
     suite = next(ET.parse(report).getroot().iter("testsuite"))  # noqa: S314  our own pytest's
-    tests, skipped, failures, errors = (
-        int(suite.get(key, "0")) for key in ("tests", "skipped", "failures", "errors")
-    )
-    assert tests >= 13, done.stdout
-    assert skipped == (0 if os.geteuid() == 0 else 1), done.stdout  # test_bus_away.py takes root
-    repeated = re.search(r"(\d+) rerun", done.stdout)
-    again += f", {repeated[1]} of them run again while the guest stood still" if repeated else ""
-    if done.returncode == 1 and absence.share > SHARE:  # the guest's own watch has seen nothing
-        first = done.stdout
-        done = with_vcan(*command, "--last-failed", PYTEST_ADDOPTS="")
-        again += f", {failures + errors} of them at the second attempt: {absence}"
-        assert done.returncode == 0, f"twice, with {way}: {first}{done.stdout}{done.stderr}"
-    assert done.returncode == 0, f"{way}: {done.stdout}{done.stderr}"
-    vcan_outcome(True, f"{tests} tests passed on SocketCAN ({way}){again}")
+    assert int(suite.get("tests", "0")) >= 13, done.stdout
+    skipped = 0 if os.geteuid() == 0 else 1  # test_bus_away.py takes root
+    assert suite.get("skipped") == str(skipped), done.stdout
+    again = re.search(r"(\d+) rerun", done.stdout)
+    repeated = f", {again[1]} of them run again while the guest stood still" if again else ""
+    line = f"{suite.get('tests')} tests passed on SocketCAN ({way})"
+    vcan_outcome(True, f"{line}{repeated}{attempt}")
 
 
 def test_what_the_command_gets_and_gives_back(way, tmp_path):
