@@ -9,7 +9,7 @@ DEV := $(VENV)/.installed-dev
 # Else every process that a test starts would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run console test docs test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
+.PHONY: run console test tests docs test-newest test-lowest docs-check docs-quotes lint types layers bench mutants release lock clean help
 
 help: ## this list
 	@grep -E '^[a-z-]+[a-z -]*:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -65,6 +65,9 @@ define run_tests
 endef
 
 test: $(DEV) lint types layers ## lint, types, layers, all tests but slow ones; SLOW=1: those, too
+	$(call run_tests,$(VENV))
+
+tests: $(DEV) ## the tests alone
 	$(call run_tests,$(VENV))
 
 # Not with the locked versions, but with what the index has today; on demand, not in CI.
