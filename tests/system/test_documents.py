@@ -170,16 +170,6 @@ def test_report_makes_the_same_again(stopped):
     assert {name: (folder / name).read_bytes() for name in names} == before
 
 
-def test_report_of_another_recording_goes_beside_it(stopped, tmp_path):
-    _, folder = stopped
-    copy = tmp_path / "recording-recovered.h5"
-    copy.write_bytes((folder / "recording.h5").read_bytes())
-    stagectl("report", copy)
-    assert {path.name for path in tmp_path.iterdir()} == {
-        copy.name, "summary-recovered.json", "report-recovered.html",
-    }  # fmt: skip
-
-
 def test_report_says_what_it_cannot_use(tmp_path):
     foreign = Path(__file__).parents[1] / "data" / "null-1.h5"
     for path, reason in (
@@ -275,17 +265,3 @@ def test_operator_and_comment_are_kept(tmp_path):
         assert database.execute("SELECT operator, comment FROM run").fetchall() == [
             ("Ada L.", "chuck 2")
         ]
-
-
-def test_a_run_in_progress_is_listed_as_running(machine, tmp_path):
-    host, remarks = HostSettings(mode=Mode.NONE), Remarks("Ada")
-    request = request_for(machine, WIDE, tmp_path, host=host, remarks=remarks)
-    seen = []
-
-    def event(happened):
-        if isinstance(happened, SegmentDone) and happened.number == 1:
-            seen.extend(list_runs(tmp_path))
-
-    execute(request, Listener(event=event))
-    (listed,) = seen
-    assert (listed.outcome, listed.operator, listed.done, listed.of) == ("running", "Ada", 1, 4)

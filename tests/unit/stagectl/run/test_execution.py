@@ -6,7 +6,6 @@ import pytest
 from drivers.canopen import open_bus
 from hil_sim.bus import faults as f
 from stagectl.config import driver_settings, stage_settings
-from stagectl.errors import UnusableInput
 from stagectl.history import StageKey, open_history
 from stagectl.run import HostSettings, Listener, Resumed, SimulatedStage, execute
 from stagectl.run.execution import file_earlier_runs, prepare, virtual_stage
@@ -22,19 +21,6 @@ def request_of(machine, tmp_path):
         return request_for(machine, folder, **{"host": HostSettings(Mode.NONE), **changes})
 
     return make
-
-
-def test_no_folder_is_made_before_the_bus_is_open(request_of, tmp_path):
-    request = request_of(simulated=None, bus=("socketcan", "no-such-interface"))
-    with pytest.raises(UnusableInput, match="no-such-interface"):
-        execute(request, Listener())
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_cannot_be_made_is_named(request_of, tmp_path):
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(UnusableInput, match="file is not a folder"):
-        execute(request_of(folder=tmp_path / "file" / "run"), Listener())
 
 
 def test_the_journal_of_a_killed_run_is_recovered_beside_the_new_recording(request_of, tmp_path):
