@@ -24,7 +24,8 @@ sites: {grid: {origin: [0.0, 0.0], pitch: [0.02, 0.02], count: [3, 3]}}
 fiducial: {source: simulated, range: 80.0e-6, seed: 1}
 lot: L7
 """
-LONG = 60_000
+PAIR = RECIPE.replace("recipe: nine", "recipe: pair").replace("count: [3, 3]", "count: [2, 1]")
+LONG = 300_000
 """For what a loaded machine may take [ms]."""
 
 
@@ -67,8 +68,8 @@ class Operator:
         self.page.wait_for_selector(".gutter span:nth-child(5)")  # the chosen one has come
         self.page.fill("#recipe", recipe)
 
-    def queue(self):
-        self.write(RECIPE)
+    def queue(self, recipe=RECIPE):
+        self.write(recipe)
         self.page.wait_for_selector("text=can be run")
         self.page.click("text=Queue and start")
 
@@ -97,7 +98,7 @@ def served(tmp_path_factory, browser):
                 yield address, folder
             finally:
                 console.send_signal(signal.SIGINT)
-                console.communicate(timeout=60)
+                console.communicate(timeout=LONG / 1e3)
         assert console.returncode == 0
 
 
@@ -173,14 +174,14 @@ def test_a_run_with_a_twin_from_its_diagnosis_to_what_it_changed(anna, client, s
         anna.go("gap")
         if twin:
             page.click("tr:has-text('g-1') >> text=Run with it")
-        anna.queue()
+        anna.queue(PAIR)
         wait_for(lambda: len(client.state().queue) and client.state().queue[-1].status == "running")
         runs.append(client.state().queue[-1])
         wait_for(lambda: client.state().run is None)
     assert runs[0].machine is None
     assert runs[1].machine == str(folder / "twin.yaml")
     anna.go("runs")
-    boxes = page.locator("tr:has-text('nine') input[type=checkbox]")
+    boxes = page.locator("tr:has-text('pair') input[type=checkbox]")
     boxes.nth(0).check()
     boxes.nth(1).check()
     page.click("text=Compare their machine files")
