@@ -134,7 +134,7 @@ def test_what_several_effects_cannot_keep_the_first_may(two_steps):
 @pytest.mark.slow
 def test_a_robot_joint_that_never_rests(tmp_path):
     rivals = ("unbalance", "force_offset", "cable_stiffness", "cogging", "viscous_damping")
-    report = report_of(ROBOT, tmp_path, *rivals)
+    report = report_of(replace(ROBOT, rate=500.0), tmp_path, *rivals)
     assert report.verdict == "explained"
     assert [c.effect for c in report.causes] == ["unbalance"]
     assert report.causes[0].parameters["torque"].value == pytest.approx(15.0, rel=0.05)
@@ -173,6 +173,7 @@ def test_the_ripple_of_a_joint_with_a_gear(tmp_path):
         ROBOT,
         force=lambda t, q, v, a: 1.2 * a + sliding(v, 4.0, 3.0) + 0.8 * np.sin(100.0 * q + 0.7),
         noise=(1e-6, 0.3),
+        rate=500.0,
     )
     rivals = ("transmission_ripple", "cogging", "unbalance", "friction_position")
     report = report_of(joint, tmp_path, *rivals)
