@@ -63,6 +63,7 @@ def copy_kernels(folder, but):
                 shutil.copy(kernel, folder)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("typical")  # all kernels are there then
 def test_a_run_says_once_that_it_compiles(tmp_path):
     recipe = tmp_path / "short.yaml"
@@ -84,6 +85,7 @@ def test_a_run_says_once_that_it_compiles(tmp_path):
     assert len(list(cache.glob(f"{OBSERVER}-*.kernel"))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("typical")
 def test_a_second_process_compiles_what_the_run_needs_later(tmp_path):
     cache = tmp_path / "stagectl"

@@ -38,6 +38,7 @@ def bucket(recordings, monkeypatch):
     server.stop()
 
 
+@pytest.mark.slow
 def test_recordings_of_an_object_store_are_diagnosed_once(bucket):
     command = ["fleet", "diagnose", "s3://fab/recordings", "--out", "s3://fab/fleet"]
     said = stagectl(*command, "--workers", "1", "--json", "-")

@@ -317,6 +317,7 @@ def test_drives_are_looked_at_through_the_server(client, server, stagectl):
     client.wait(job)
 
 
+@pytest.mark.slow
 def test_axes_are_measured_on_the_server_after_a_question(client, server, stagectl, tmp_path):
     words = ("observer", "--measure", "--server", server, "--out", tmp_path / "r.json")
     refused = start(*words, stdin=subprocess.PIPE)
@@ -371,6 +372,7 @@ def test_a_run_may_believe_another_model_but_not_other_drives(client, server, st
     assert "start a server with this file" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_calibration_is_run_by_the_server(server, stagectl, tmp_path):
     (tmp_path / "sites.yaml").write_text(
         "calibrate: four\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
