@@ -16,6 +16,7 @@ from stagectl.config import load_machine
 from stagectl.store import read_recording
 from tests.processes import buses, drives_on, slow_machine, start
 from tests.short_recipe import short_recipe
+from tests.waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
@@ -201,13 +202,16 @@ def start_long(folder):
     (folder / "long.yaml").write_text(short_recipe(*[(0.03, 0.03), (-0.03, -0.03)] * 1000))
     process = start("run", "long.yaml", "--simulate", "--out", "out", cwd=folder)
     journal = folder / "out" / "recording.journal"
-    deadline = time.monotonic() + 400
-    while time.monotonic() < deadline:
-        if journal.exists() and journal.stat().st_size > 300_000:  # 1000 samples and more
-            return process
-        time.sleep(0.02)
-    process.kill()
-    raise AssertionError(f"no samples: {process.communicate()}")
+    wait_until(
+        lambda: (
+            process.poll() is not None
+            or (
+                journal.exists() and journal.stat().st_size > 300_000  # 1000 samples and more
+            )
+        )
+    )
+    assert process.poll() is None, process.communicate()
+    return process
 
 
 def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path):
@@ -277,9 +281,7 @@ def test_a_closed_pipe_does_not_stop_a_run(short, tmp_path):
 def test_ctrl_c_before_anything_moves(tmp_path):
     bus = f"virtual:nobody-{os.getpid()}"
     process = start("run", RECIPE, "--bus", bus, "--out", tmp_path / "out")
-    deadline = time.monotonic() + 400
-    while not (tmp_path / "out" / "bus.frames").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
+    wait_until((tmp_path / "out" / "bus.frames").exists)
     time.sleep(0.3)  # nobody answers: it waits for boot-up messages
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=100)

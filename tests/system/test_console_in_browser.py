@@ -13,6 +13,7 @@ from stagectl.console.gate import SOCKET
 from stagectl.protocol.requests import Abort, QueueRemove
 from tests.chromium import chromium
 from tests.processes import start
+from tests.waiting import LONG, wait_until
 
 RECIPE = """\
 recipe: nine
@@ -25,8 +26,6 @@ fiducial: {source: simulated, range: 80.0e-6, seed: 1}
 lot: L7
 """
 PAIR = RECIPE.replace("recipe: nine", "recipe: pair").replace("count: [3, 3]", "count: [2, 1]")
-LONG = 300_000
-"""For what a loaded machine may take [ms]."""
 
 
 class Operator:
@@ -40,7 +39,7 @@ class Operator:
     def __init__(self, browser, address, name):
         self.context = browser.new_context()
         self.page = self.context.new_page()
-        self.page.set_default_timeout(LONG)
+        self.page.set_default_timeout(1e3 * LONG)
         self.problems = []
         self.page.on("pageerror", lambda why: self.problems.append(str(why)))
         self.page.on("console", self._said)
@@ -98,7 +97,7 @@ def served(tmp_path_factory, browser):
                 yield address, folder
             finally:
                 console.send_signal(signal.SIGINT)
-                console.communicate(timeout=LONG / 1e3)
+                console.communicate(timeout=LONG)
         assert console.returncode == 0
 
 
@@ -124,14 +123,7 @@ def client(anna):
             if entry.status == "waiting":
                 found.ask(QueueRemove(id=entry.id))
         found.release()
-        wait_for(lambda: found.state().run is None)
-
-
-def wait_for(found):
-    deadline = time.monotonic() + LONG / 1e3
-    while not found():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+        wait_until(lambda: found.state().run is None)
 
 
 def test_a_run_from_recipe_to_report(anna, client):
@@ -175,9 +167,11 @@ def test_a_run_with_a_twin_from_its_diagnosis_to_what_it_changed(anna, client, s
         if twin:
             page.click("tr:has-text('g-1') >> text=Run with it")
         anna.queue(PAIR)
-        wait_for(lambda: len(client.state().queue) and client.state().queue[-1].status == "running")
+        wait_until(
+            lambda: len(client.state().queue) and client.state().queue[-1].status == "running"
+        )
         runs.append(client.state().queue[-1])
-        wait_for(lambda: client.state().run is None)
+        wait_until(lambda: client.state().run is None)
     assert runs[0].machine is None
     assert runs[1].machine == str(folder / "twin.yaml")
     anna.go("runs")
@@ -248,7 +242,7 @@ def held(anna, client):
     elif not client.state().enabled:
         anna.page.click("button:text-is('Enable')")
     anna.wait("held")
-    wait_for(lambda: client.state().homed)
+    wait_until(lambda: client.state().homed)
     return anna.page.locator("button.hold").nth(1)
 
 
@@ -281,9 +275,9 @@ def test_hold_to_move_ends(anna, client, held, how):
     before = client.state().axes[0].position
     held.hover()
     anna.page.mouse.down()
-    wait_for(lambda: moved(client, before))
+    wait_until(lambda: moved(client, before))
     release(anna.page, how)
-    wait_for(lambda: client.state().doing == "held")
+    wait_until(lambda: client.state().doing == "held")
     at_rest = client.state().axes[0].position
     time.sleep(0.5)
     assert client.state().doing == "held"
@@ -294,11 +288,11 @@ def test_hold_to_move_ends(anna, client, held, how):
 def test_steps_and_figures_move_an_axis(anna, client, held):
     before = client.state().axes[1].position
     anna.page.click("button:text-is('+ y')")
-    wait_for(lambda: abs(client.state().axes[1].position - before - 1e-4) < 1e-6)
+    wait_until(lambda: abs(client.state().axes[1].position - before - 1e-4) < 1e-6)
     anna.page.fill("input[aria-label='figure for y in mm']", "1.5")
     anna.wait("held")
     anna.page.locator("text=Go to").nth(1).click()
-    wait_for(lambda: abs(client.state().axes[1].position - 1.5e-3) < 1e-6)
+    wait_until(lambda: abs(client.state().axes[1].position - 1.5e-3) < 1e-6)
 
 
 def test_a_second_browser_watches_and_stops_but_does_not_command(anna, client, browser, served):
@@ -315,7 +309,7 @@ def test_a_second_browser_watches_and_stops_but_does_not_command(anna, client, b
         assert all(buttons.nth(k).is_disabled() for k in range(buttons.count()))
         ben.page.keyboard.press("Escape")
         anna.wait("disabled")
-        wait_for(lambda: client.state().run is None)
+        wait_until(lambda: client.state().run is None)
         assert client.state().queue[-1].outcome in ("aborted", "fault")
         assert not client.state().queue_runs
         ben.page.click(".who button")
@@ -341,6 +335,6 @@ def test_a_server_that_is_killed_in_mid_run_comes_back_and_starts_nothing(anna, 
         assert state.run is None
         assert not state.queue_runs
         assert state.queue[-1].status == "interrupted"
-        wait_for(lambda: list(served[1].glob("data/nine-*/recording.h5")))
+        wait_until(lambda: list(served[1].glob("data/nine-*/recording.h5")))
         anna.go("run")
         assert re.search("interrupted", page.inner_text(".entries"))

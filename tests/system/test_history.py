@@ -3,7 +3,6 @@
 import contextlib
 import math
 import threading
-import time
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,6 +18,7 @@ from stagectl.run.record import RunRecord
 from stagectl.sequencer import FrictionUpdated, LevelStepped, Mode
 from tests.short_recipe import short_recipe
 from tests.sqlite_lock import locked
+from tests.waiting import wait_until
 
 SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42\nwafer: 7\n"
 STAGE = StageKey("wafer-xy", True)
@@ -166,8 +166,7 @@ def test_what_a_killed_run_left_in_its_journal_is_filed(request_, tmp_path):
         record.start()  # enters the run; what it has noted before is in its journal alone
         journals.append(record.journal)
     journals[1].close()
-    while {folder for _, folder in history.unfiled(STAGE)} != set(map(str, folders)):
-        time.sleep(0.01)
+    wait_until(lambda: {of for _, of in history.unfiled(STAGE)} == set(map(str, folders)))
     (line,) = file_unfiled_runs(history, STAGE)
     assert line == f"5 estimates filed that an earlier run left in {killed}"
     assert list(file_unfiled_runs(history, STAGE)) == []

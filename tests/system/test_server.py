@@ -22,6 +22,7 @@ from stagectl.protocol import requests as ask
 from stagectl.protocol.endpoint import Endpoint, endpoint
 from stagectl.store import read_notes, read_recording
 from tests.processes import drives_on, slow_machine, start
+from tests.waiting import LONG
 
 RECIPE = """
 recipe: short
@@ -32,8 +33,6 @@ expose: 0.05
 fiducial: {source: simulated, range: 80.0e-6, seed: 1}
 sites: [[0.01, 0.01], [0.03, 0.01], [0.03, 0.03], [0.01, 0.03]]
 """
-LONG = 300
-"""No test waits for so long where all is well, however loaded the machine is [s]."""
 _numbers = itertools.count()
 
 

@@ -8,6 +8,7 @@ from stagectl.console.access import Access
 from stagectl.console.session import RENEWAL
 from stagectl.rates import Rates
 from tests.unit.stagectl.console.live_console import TOKEN, Page, page
+from tests.waiting import wait_until
 
 
 @pytest.fixture(autouse=True)
@@ -15,13 +16,6 @@ def _heard_anew(fake):
     yield
     fake.heard.clear()
     fake.changes.clear()
-
-
-def wait_for(found):
-    deadline = time.monotonic() + 60
-    while not found():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -61,13 +55,13 @@ def test_a_page_that_is_taken_over_knows(live, fake, commanding):
 
 def test_command_is_given_back_when_the_page_goes(live, fake, commanding):
     commanding.opened.close()
-    wait_for(lambda: fake.asked("release"))
+    wait_until(lambda: fake.asked("release"))
 
 
 def test_motion_ends_with_the_page(live, fake, commanding):
     assert "result" in commanding.ask(begin=True, op="jog", axis="x", velocity=1e-3)
     commanding.opened.socket.close()  # without a word
-    wait_for(lambda: [jog.velocity for jog in fake.asked("jog")] == [1e-3, 0.0])
+    wait_until(lambda: [jog.velocity for jog in fake.asked("jog")] == [1e-3, 0.0])
 
 
 def test_renewals_that_were_held_up_do_not_start_motion_again(fake, commanding):

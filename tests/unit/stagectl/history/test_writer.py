@@ -9,6 +9,7 @@ from stagectl.errors import StagectlError
 from stagectl.history import HistoryWriter, StepRecord, open_history
 from tests.sqlite_lock import locked
 from tests.unit.stagectl.rows import BEGIN, STAGE
+from tests.waiting import wait_until
 
 ENOUGH = 60.0
 """No test waits for so long where all is well [s]."""
@@ -120,12 +121,6 @@ def connected(emptied, opened, a_run, an_estimate):
     writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
     assert (writer.complete, writer.filed, writer.failure) == (True, 299, None)
     assert opened(emptied.url).filed(number) == 299
-
-
-def wait_until(true):
-    waiting = threading.Event()
-    while not true():
-        waiting.wait(0.01)
 
 
 def test_a_restarted_server_gets_what_it_missed(connected):

@@ -4,7 +4,6 @@ import gzip
 import hashlib
 import os
 import shutil
-import time
 
 import can
 import pytest
@@ -12,16 +11,9 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.store import BusLog, read_log, recover_log
 from tests.unit.stagectl.store.logs import STARTED, logged
+from tests.waiting import wait_until
 
 PART = 1000
-DEADLINE = 600.0  # only ends a wait that would otherwise never end
-
-
-def wait_until(reached):
-    ends = time.monotonic() + DEADLINE
-    while not reached():
-        assert time.monotonic() < ends
-        time.sleep(0.001)
 
 
 def tap(log, folder, first, count):
