@@ -152,7 +152,12 @@ class Session:
     def __init__(self, config):
         terminal = config.pluginmanager.get_plugin("terminalreporter")
         reports = [r for each in terminal.stats.values() for r in each if hasattr(r, "when")]
-        noted = [v for r in reports for name, v in r.user_properties if name == "socketcan"]
+        noted = [
+            value
+            for report in reports
+            for name, value in getattr(report, "user_properties", ())  # none of a file's collection
+            if name == "socketcan"
+        ]
         self.lines = list(dict.fromkeys(line for _, line in noted))
         self.on_socketcan = any(ran for ran, _ in noted) or any(
             r.when == "call" and r.passed and "[socketcan" in r.nodeid for r in reports

@@ -22,7 +22,7 @@ from stagectl.protocol import requests as ask
 from stagectl.protocol.endpoint import Endpoint, endpoint
 from stagectl.store import read_notes, read_recording
 from tests.processes import drives_on, slow_machine, start
-from tests.waiting import LONG
+from tests.waiting import LONG, wait_until
 
 RECIPE = """
 recipe: short
@@ -415,7 +415,7 @@ def test_axes_are_not_held_for_ever_and_a_server_ends_in_order(runtime, tmp_path
         client.do(ask.Home())
         assert client.state().hold_left <= 1.0
         until(client, lambda s: not s.enabled)
-        assert any("nothing to do for 1 s" in notice.text for notice in client.notices())
+        wait_until(lambda: any("nothing to do for 1 s" in n.text for n in client.notices()))
         queue(client, tmp_path / "run")
         until(client, lambda s: s.run is not None and s.run.moves >= 2)
         process.send_signal(signal.SIGTERM)

@@ -47,7 +47,7 @@ def _offered():
                 continue
             here = ".".join(room.parent.relative_to(ROOT).parts)
             for node in ast.parse(room.read_text("utf-8")).body:
-                if isinstance(node, ast.ImportFrom):
+                if isinstance(node, ast.ImportFrom) and node.module:
                     module = f"{here}.{node.module}" if node.level else node.module
                     found |= {
                         (module, name.name)
