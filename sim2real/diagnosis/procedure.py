@@ -174,7 +174,7 @@ class _StageSearch:
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
         rivals = self._rivals(name)
-        if not rivals.leave_names([found.best.model], leaves_structure=True):
+        if not rivals.leave_names([found.best.model]):
             return found.without_names(rivals.unlisted(name))
         doubted, unlisted = rivals.beside(found.best.model)
         return replace(found, doubted=doubted, unlisted=unlisted)

@@ -96,18 +96,14 @@ COORDINATES = (
 )
 WAVES = (Coordinate("time", "wave"), Coordinate("time", "wave", "friction"))
 """Forces over time that change within a move: a later one shows them only if they repeat."""
-NARROW = (
-    *(
-        Coordinate(over, "position", times, step)
-        for step in _NARROW
-        for over, times in (
-            ("position", ""), ("position_direction", "friction"), ("position", "force")
-        )
-        if times != "force" or step == _NARROW[0]
-    ),
-    *(Coordinate(over, over, close=True) for over in _SPEED),
-)  # fmt: skip
-"""The same with closer nodes, tried where one of them is among the best."""
+NARROW = tuple(
+    Coordinate(over, "position", times, step)
+    for step in _NARROW
+    for over, times in (("position", ""), ("position_direction", "friction"), ("position", "force"))
+    if times != "force" or step == _NARROW[0]
+)
+CLOSER = tuple(Coordinate(over, over, close=True) for over in _SPEED)
+"""With closer nodes than among `COORDINATES`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

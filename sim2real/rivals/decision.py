@@ -20,9 +20,9 @@ import numpy as np
 from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import STEP, AxisModel, coordinates
 from sim2real.held_out import share_closed
-from sim2real.rivals.coordinates import COORDINATES, NARROW, WAVES, Coordinate
+from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
 from sim2real.rivals.screen import Curve, Linear, Prediction, Screen
-from sim2real.scoring.constants import NEAR, SURE_COORDINATE
+from sim2real.scoring.constants import ENOUGH, NEAR, SURE_COORDINATE
 
 _LITTLE, _MUCH = 0.02, 0.2
 """Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
@@ -203,7 +203,7 @@ def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: flo
 
 
 def find_rivals(screen: Screen) -> Rivals:
-    """Fit curves over all coordinates; with closer nodes over the best one's, too.
+    """Fit curves over all coordinates; with closer nodes over that of the best, too.
 
     An axis that hardly moves has none.
     """
@@ -212,9 +212,10 @@ def find_rivals(screen: Screen) -> Rivals:
     curves = _curves(screen, COORDINATES)
     if screen.closed(curves[0].prediction) < _MOST:
         curves = _ranked([*curves, *_curves(screen, WAVES)])
-    best = curves[0]
-    is_open = screen.closed(best.prediction) < _MOST
-    closer = [each for each in NARROW if is_open or each.along == best.coordinate.along]
+    best, closed = curves[0].coordinate, screen.closed(curves[0].prediction)
+    closer = NARROW if best.along == "position" or closed < _MOST else ()
+    if closed > ENOUGH:  # what its nodes are too far apart for is all that is left
+        closer += tuple(each for each in CLOSER if each.over == best.over)
     curves = _ranked([*curves, *_curves(screen, closer)])
     return Rivals(screen, curves)
 
