@@ -40,15 +40,7 @@ def exclusive(method: Callable[Concatenate[S, P], R]) -> Callable[Concatenate[S,
 
 
 class StageSession:
-    """All axes on one bus, opened and closed together.
-
-    Attributes:
-        axes: one `Axis` per settings, in the order of all array columns.
-        clock: of the bus: virtual on the lock-step bus, else monotonic.
-        sink: called with the `Sample` of every SYNC of a csp stream, before it is evaluated.
-        interrupt: called at least every 25 ms while a method uses the bus; what it raises ends
-            the method, and stops axes that are enabled.
-    """
+    """All axes on one bus, opened and closed together; attributes as of `Stage`."""
 
     def __init__(
         self,
