@@ -20,9 +20,9 @@ class FrictionPosition(Effect):
             "width",
             "m",
             "standard deviation of the bell curve",
-            (1.0 / 60.0, 1.0 / 12.0),
+            (1.0 / 500.0, 1.0 / 12.0),
             relative_to="travel",
-            least=5e-4,
+            least=2e-4,
         ),
     )
     equation = "Fc * (1 + amplitude exp(-((x - center)/width)²/2))"

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.attribution.alternatives import Alternative, score_alternative
+from sim2real.attribution.alternatives import Alternative, LoopGap, score_alternative
 from sim2real.attribution.levels import is_wander
 from sim2real.dictionary import Candidate
 from sim2real.findings import Unlisted
@@ -185,6 +185,25 @@ class AxisSearch(AxisResult):
         best = self.problem.unfitted(fitted.model)
         covariance = move_covariance(loop, fitted)
         return replace(best, covariance=covariance), [fold.model for fold in folds]
+
+    def with_start(self, model: AxisModel, loop: LoopGap) -> AxisSearch:
+        """The search with effects that it has not come upon, where these score better.
+
+        Args:
+            model: of them, to start from.
+            loop: the closed-loop gap of the axis under a model.
+        """
+        problem = self.problem
+        _, best, is_complete = _converge(problem, model)
+        ranked = [
+            Alternative(best, loop(best.model)),
+            *(replace(a, fitted=problem.reweighted(a.fitted)) for a in self.alternatives),
+        ]
+        ranked.sort(key=lambda a: score_alternative(problem, a))
+        if ranked[0].fitted is not best:
+            problem.retune(self.best.model)
+            return self
+        return replace(self, best=best, is_complete=is_complete, alternatives=ranked)
 
     def refitted_beside(self, others: Sequence[AxisSettings]) -> AxisSearch:
         """The search with its effects refitted beside these other axes.

@@ -41,6 +41,9 @@ from sim2real.tracking import Tracker
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
 
+_BELL = ["size", "place", "shape"]
+"""Roles of the parameters of an effect that acts around one place."""
+
 
 def diagnose(
     examined: Examination,
@@ -156,6 +159,8 @@ class _StageSearch:
         the free loop searches, and what it finds meets the curves, too.
         """
         search = self.searches[name]
+        if not search.is_complete:
+            search = self._start_at_peak(name, search)
         if search.is_complete and len(search.best.model.terms) < 2:
             return search
         first = [alternative.model for alternative in search.alternatives]
@@ -178,6 +183,19 @@ class _StageSearch:
             return found.without_names(rivals.unlisted(name))
         doubted, unlisted = rivals.beside(found.best.model)
         return replace(found, doubted=doubted, unlisted=unlisted)
+
+    def _start_at_peak(self, name: str, search: AxisSearch) -> AxisSearch:
+        """The search with bells that start where a curve over position has a narrow bump.
+
+        A grid over the travel is too coarse for these.
+        """
+        rivals = self._rivals(name)
+        if rivals.peak is None:
+            return search
+        bells = [e for e in self._library.values() if [p.role for p in e.parameters] == _BELL]
+        for model in fit_alone(rivals.screen.loop, bells, rivals.peak):
+            search = search.with_start(model, partial(self._loop_gap, name))
+        return search
 
     def curves(self, name: str) -> Sequence[Unlisted]:
         """The coordinate that the missing force of an axis depends on."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hil_sim.effects import Effect
-from sim2real.dictionary import Candidate
+from sim2real.dictionary import Candidate, typical
 from sim2real.fitting import AxisModel, Fitted, implausibility
 from sim2real.free_loop.candidates import FreeDictionary
 from sim2real.free_loop.fit import fit_free
@@ -329,11 +329,22 @@ def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[Fitted, list[Fitted]]
     return fitted, [fit_free(loop, fitted.model, SHORT, train) for train in _training(loop)]
 
 
-def fit_alone(loop: FreeLoop, effects: Iterable[Effect]) -> list[AxisModel]:
-    """Each effect by itself, fitted from its best start; those that change nothing are left out."""
+def fit_alone(
+    loop: FreeLoop, effects: Iterable[Effect], at: Sequence[float] = ()
+) -> list[AxisModel]:
+    """Each effect by itself, fitted from its best start; those that change nothing are left out.
+
+    Args:
+        loop: the axis.
+        effects: to be fitted.
+        at: values of an effect's last parameters to start from; a grid is tried of the others.
+    """
     plain = fit_free(loop, loop.start, SHORT)
     dictionary = FreeDictionary(loop, plain)
-    starts = [plain.model.added(c.term) for effect in effects for c in dictionary.best(effect)]
+    starts = []
+    for effect in effects:
+        nodes = [(*typical(effect, loop.axis).values[: -len(at)], *at)] if at else None
+        starts += [plain.model.added(c.term) for c in dictionary.best(effect, nodes=nodes)]
     return [fit_free(loop, start, SHORT).model for start in starts if loop.allows(start)]
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from sim2real.open_loop import Motion
 from stagedata import F64, BoolArray
 from stagedata.compiled import kernel
 
-_PLACES, _NARROW = 2e-3, (7e-4, 2.5e-4)
-"""Distances of nodes over position [m]: at first, and closer ones that are tried."""
+_PLACES, _NARROW = 2e-3, 2.5e-4
+"""Distance of nodes over position [m]: at first, and a closer one that is tried."""
 _MOST_PLACES = 800
 _SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
 _CLOSER = (
@@ -78,6 +78,11 @@ class Coordinate:
         """Whether neighbouring heights belong together; else each column stands for itself."""
         return self.along in (*_SPEED, "position", "other_position", "time")
 
+    @property
+    def is_narrow(self) -> bool:
+        """Whether most of the nodes over position lie where nothing bends the curve."""
+        return self.step < 2.0 * _NARROW
+
 
 COORDINATES = (
     Coordinate("velocity", "velocity"),
@@ -96,12 +101,7 @@ COORDINATES = (
 )
 WAVES = (Coordinate("time", "wave"), Coordinate("time", "wave", "friction"))
 """Forces over time that change within a move: a later one shows them only if they repeat."""
-NARROW = tuple(
-    Coordinate(over, "position", times, step)
-    for step in _NARROW
-    for over, times in (("position", ""), ("position_direction", "friction"), ("position", "force"))
-    if times != "force" or step == _NARROW[0]
-)
+NARROW = tuple(replace(each, step=_NARROW) for each in COORDINATES if each.along == "position")
 CLOSER = tuple(Coordinate(over, over, close=True) for over in _SPEED)
 """With closer nodes than among `COORDINATES`."""
 

@@ -69,6 +69,16 @@ class Rivals:
         best = self.curves[0]
         return best if self.opened.energy - best.prediction.energy >= _MOST * above else None
 
+    @property
+    def peak(self) -> tuple[float, float] | None:
+        """Place and width [m] of the highest bump of the best curve; None unless it is narrow."""
+        best = self.best
+        if best is None or not best.coordinate.is_narrow:
+            return None
+        highest = int(np.abs(best.force).argmax())
+        area = float(np.trapezoid(best.force, best.at))
+        return float(best.at[highest]), abs(area / best.force[highest]) / math.sqrt(2.0 * math.pi)
+
     def leave_names(self, models: Sequence[AxisModel], *, leaves_structure: bool = False) -> bool:
         """Whether one of these library models, which could explain the axis, keeps its names.
 

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.effects.residual_table import ResidualTable
@@ -29,7 +30,7 @@ from sim2real.findings import EmpiricalForce, Unlisted
 from sim2real.gap import NO_GAP_BELOW
 from sim2real.open_loop import MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve
-from sim2real.rivals.screen import Screen, bending
+from sim2real.rivals.screen import Screen, bends
 from stagedata import F64
 
 _PLACES = 13
@@ -78,7 +79,8 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     if any(u.over not in _CURVES or u.times for u in unlisted):
         return ()
     screen = Screen(loop)
-    opened = screen.together(np.empty((int(screen.samples), 0)), np.empty((0, 0))).energy
+    nothing = np.empty((int(screen.samples), 0))
+    opened = screen.together(nothing, bends(0, 0), 0.0, narrow=False).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
     tried = (_Fit(screen, unlisted, slow).description(opened) for slow in _SLOW)
@@ -124,7 +126,7 @@ class _Fit:
         coordinates.append(replace(speeds, close=needs_more))
         coordinates += [Coordinate(u.over, _ALONG[u.over]) for u in unlisted if u.over in _ALONG]
         self._at: dict[str, tuple[Coordinate, F64]] = {}
-        columns, penalties = [], []
+        columns, bent = [], []
         for coordinate in coordinates:
             at = _nodes(screen, coordinate)
             if len(at) < 2:
@@ -134,7 +136,7 @@ class _Fit:
             self._at[coordinate.over] = coordinate, at
             columns.append(screen.columns(coordinate, at))
             size = columns[-1].shape[1]
-            penalties.append(bending(size if coordinate.is_curve else 0, size))
+            bent.append(bends(size if coordinate.is_curve else 0, size))
         self._level = _coulomb_level(
             loop.axis, loop.settings.sync_period, self._at["position_direction"][1]
         )
@@ -142,12 +144,12 @@ class _Fit:
         self._level[self._level < math.sqrt(2.0) * floor] = 0.0  # a `MotionLoop` halves its square
         columns[1] = columns[1] * (self._level > 0.0)
         self._edges = np.cumsum([0, *(own.shape[1] for own in columns)])
-        # Friction over position and over velocity share a constant.
-        penalty = _SMALL * np.eye(self._edges[-1])
-        for first, own in zip(self._edges, penalties, strict=False):
-            penalty[first : first + len(own), first : first + len(own)] += own
         self._screen = screen
-        self._prediction = screen.together(np.hstack(columns), penalty)
+        narrow = any(coordinate.is_narrow for coordinate in coordinates)
+        # Friction over position and over velocity share a constant.
+        self._prediction = screen.together(
+            np.hstack(columns), block_diag(*bent), _SMALL, narrow=narrow
+        )
 
     def description(self, opened: float) -> Description:
         """The fits as forces; `opened`: energy of the gap that is described."""

@@ -29,6 +29,8 @@ GROUPS = 2 * FOLDS
 """Groups of moves, there and back together; each belongs to one fold."""
 _SMOOTH = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Weights of the penalty on second differences that are tried."""
+_STRAIGHT = 0.1
+"""Bend, as a share of the mean one, below which a curve counts as straight."""
 _MORE = 0.01
 """Share of the Coulomb force that is added to see what it does."""
 _LITTLE = 1e-6
@@ -168,9 +170,8 @@ class Screen:
         over = self.columns(coordinate, at)
         size = over.shape[1]
         both = over if beside is None else np.column_stack((over, beside.effects))
-        penalty = bending(size if coordinate.is_curve else 0, both.shape[1])
-        tried = _SMOOTH if coordinate.is_curve else _SMOOTH[:1]
-        best = self._predict(both, [weight * penalty for weight in tried], beside)
+        second = bends(size if coordinate.is_curve else 0, both.shape[1])
+        best = self._smoothed(both, second, 0.0, beside, narrow=coordinate.is_narrow)
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
 
     def nodes(self, coordinate: Coordinate) -> F64 | None:
@@ -196,16 +197,41 @@ class Screen:
         each = (columns(coordinate, at, course) for course in self._courses)
         return np.concatenate([self._seen(number, own) for number, own in enumerate(each)])
 
-    def together(self, over: F64, penalty: F64) -> Prediction:
+    def together(self, over: F64, second: F64, small: float, *, narrow: bool) -> Prediction:
         """Several curves beside the plant's figures as they are, with the best weight.
 
         Args:
             over: columns of all curves, float64[R, n].
-            penalty: on their bends, float64[n, n].
+            second: differences of the heights that bends are, float64[m, n].
+            small: weight of each height beside that of the bends.
+            narrow: as of `_smoothed`.
         """
         none = np.empty((len(self._residual), 0))
         fixed = Linear(self._residual, none, none, np.empty(0))
-        return self._predict(over, [w * penalty for w in _SMOOTH], fixed)
+        return self._smoothed(over, second, small, fixed, narrow=narrow)
+
+    def _smoothed(
+        self, over: F64, second: F64, small: float, beside: Linear | None, *, narrow: bool
+    ) -> Prediction:
+        """Curves with the best weight of their bends.
+
+        Args:
+            over: columns of all curves and of what is fitted beside them, float64[R, n].
+            second: as of `together`.
+            small: as of `together`.
+            beside: as of `_predict`.
+            narrow: a bend weighs by its magnitude in the end, not by its square: that leaves few of
+                them, and curves that are straight where nothing bends them.
+        """
+        held = small * np.eye(over.shape[1])
+        weights = _SMOOTH if len(second) else _SMOOTH[:1]
+        found = self._predict(over, [w * (second.T @ second + held) for w in weights], beside)
+        if not narrow:
+            return found
+        bent = np.abs(second @ found.values[: over.shape[1]])
+        mean = max(float(bent.mean()), 1e-12)
+        by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second
+        return self._predict(over, [w * (by_size + held) for w in (*_SMOOTH, 10.0)], beside)
 
     def linear(self, model: AxisModel) -> Linear | None:
         """A library model and its derivatives; None where it cannot be simulated."""
@@ -327,10 +353,6 @@ def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) 
         values[free] = -np.linalg.solve(scaled[np.ix_(free, free)], there) / size[free]
 
 
-def bending(bent: int, size: int) -> F64:
-    """Squared second differences of the first `bent` of `size` heights."""
-    penalty = np.zeros((size, size))
-    if bent > 2:
-        second = np.diff(np.eye(bent), 2, axis=0)
-        penalty[:bent, :bent] = second.T @ second
-    return penalty
+def bends(bent: int, size: int) -> F64:
+    """Second differences of the first `bent` of `size` heights, float64[bent - 2, size]."""
+    return np.diff(np.eye(bent, size), 2, axis=0) if bent > 2 else np.empty((0, size))

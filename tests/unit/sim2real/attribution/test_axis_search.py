@@ -9,6 +9,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from sim2real.attribution import AxisSearch, find_causes
+from sim2real.attribution.alternatives import Alternative
 from sim2real.fitting import Term, fit
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
@@ -65,3 +66,14 @@ def test_a_search_without_names_predicts_no_move_by_effects(drift):
     assert found.folds == ()
     assert found.best is drift.plain
     assert found.unlisted == (coordinate,)
+
+
+def test_a_start_counts_only_where_it_scores_better(drift):
+    found = replace(drift, alternatives=(Alternative(drift.best, 2.0),))
+    plain = drift.problem.start
+    assert found.with_start(plain, lambda _: 50.0) is found
+    missed = replace(found, best=drift.plain, alternatives=(Alternative(drift.plain, 50.0),))
+    better = missed.with_start(drift.best.model, lambda _: 2.0)
+    assert better.best.model.names() == ("thermal_drift",)
+    assert better.is_complete
+    assert [a.model.names() for a in better.alternatives] == [("thermal_drift",), ()]

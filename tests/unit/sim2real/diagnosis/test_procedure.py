@@ -245,3 +245,15 @@ def test_the_flank_of_a_bump_beyond_the_path_is_named(nominal):
     (cause,) = found.report.causes
     assert (cause.axis, cause.effect) == ("x", "friction_position")
     assert cause.parameters["amplitude"].sigma > abs(cause.parameters["amplitude"].value)
+
+
+@pytest.mark.slow
+def test_a_narrow_bump_is_found_where_the_curve_has_it(nominal):
+    """Between the places of any grid over the travel."""
+    there = {"friction_position": {"amplitude": 0.8, "center": 0.0113, "width": 4e-4}}
+    recording, settings = stage_with(nominal, 12, seconds=8.0, x=there), nominal[1]
+    found = diagnosed(recording, settings, *there, "force_offset", "coulomb_level")
+    (cause,) = found.report.causes
+    assert found.report.verdict == "explained"
+    for key, value in there["friction_position"].items():
+        assert abs(cause.parameters[key].value - value) < 3.0 * cause.parameters[key].sigma, key

@@ -36,7 +36,7 @@ def test_a_figure_off_by_tolerance_is_no_effect(nominal, effect, values, within)
         ("coulomb_level", (1.36,), 0.0, (1.36,)),  # of any size
         ("thermal_drift", (0.05, 20.0), 0.0, (0.05, 20.0)),  # small, but of that sign
         ("thermal_drift", (-0.03, 20.0), 1.0, (0.0, 20.0)),
-        ("friction_position", (0.3, 0.0, 0.1), 5.0, (0.3, 0.0, 0.025)),
+        ("friction_position", (0.3, 0.0, 0.2), 5.0, (0.3, 0.0, 0.025)),
         ("cogging", (-1.0, 0.03, 0.0), 0.0, (-1.0, 0.03, 0.0)),  # half a turn
         ("force_saturation", (90.0,), 0.0, (90.0,)),
     ],

@@ -126,6 +126,9 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
     at, force = np.array(found.curve.at), np.array(found.curve.force)
     if effect in (splinter, dirt):
         assert abs(at[np.argmax(np.abs(force))] + 0.01) < 3e-4
+        bends = np.abs(np.diff(force, 2))
+        away = np.abs(at[1:-1] + 0.01) > 3e-3
+        assert np.sqrt(np.mean(bends[away] ** 2)) < 0.02 * bends.max(), "straight elsewhere"
     if effect is drag:
         fast = np.abs(at) > 0.3 * at.max()
         np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
