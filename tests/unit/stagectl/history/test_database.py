@@ -158,4 +158,5 @@ def test_a_kill_at_any_instant_loses_no_commit(tmp_path):
         for run, last in promised.items():
             assert rows[run] >= last
     assert promised
-    assert open_history(path).counted(stage)[0] > 0
+    with contextlib.closing(open_history(path)) as history:
+        assert history.counted(stage)[0] > 0
