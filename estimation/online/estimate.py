@@ -19,7 +19,12 @@ from estimation.online.outcome import (
     STILL,
     Outcome,
 )
-from estimation.online.solver.prepare import TOO_LITTLE, UNKNOWN_STATE, UNUSABLE_FORCE
+from estimation.online.solver.prepare import (
+    HIDDEN_ONSET,
+    TOO_LITTLE,
+    UNKNOWN_STATE,
+    UNUSABLE_FORCE,
+)
 from stagedata import F64, FrictionFigures
 
 INFORMATIVE = 0.5
@@ -33,6 +38,8 @@ _WHY_NOT = {
     "saturated, missing, or disturbed by late setpoints",
     UNKNOWN_STATE: "the presliding state before the move is unknown: "
     "a move that slides has to be learned from first",
+    HIDDEN_ONSET: "samples of its onset are missing or saturated: "
+    "how the elements began to slip is not known",
 }
 
 

@@ -61,8 +61,9 @@ _MOVES = 15
 _GUESS = 0.3
 """Weight of the initial guess of such a variance, in moves."""
 CERTAIN = 0.3
-"""Relative sigma of Fc and sigma0 up to which the friction state is still known behind a refused
-move: with less certain figures it has been followed with a wrong model."""
+"""Relative sigma of Fc and sigma0 up to which the friction state is still known behind a move that
+was refused or whose onset was not seen: with less certain figures it has been followed with a wrong
+model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +313,7 @@ class SplitHorizonEstimator:
             )  # fmt: skip
         if outcome.verdict == ACCEPTED:
             self._jumps = self._moves_to_trust = 0
-            self._known = True
+            self._known = outcome.onset_seen or self._is_state_known(outcome, move)
             misfits = self._misfits
             misfits.append(outcome.misfit)
             if len(misfits) > _FEW:
@@ -324,18 +325,18 @@ class SplitHorizonEstimator:
         else:
             if outcome.verdict == JUMP:
                 self._note_jump(outcome)
-            self._known = self._is_state_known(outcome.verdict, move)
+            self._known = self._is_state_known(outcome, move)
         return Estimate(outcome, self._facts, self._shape_doubt())
 
-    def _is_state_known(self, verdict: int, move: MoveData) -> bool:
-        """Whether the friction state is known behind a refused move.
+    def _is_state_known(self, outcome: Outcome, move: MoveData) -> bool:
+        """Whether the friction state is known behind a move that was refused, or begun unseen.
 
         Followed with wrong figures it ends up wrong, until a move is learned from, or a few that
         reach far enough have been followed.
         """
         if self._frozen or self._is_certain():
             self._moves_to_trust = 0
-        elif verdict != STILL:
+        elif outcome.verdict != STILL or not outcome.onset_seen:
             self._moves_to_trust = _PATIENCE + 1
         elif np.ptp(move.position[move.valid]) > FULL_SLIP * breakaway_travel(self.friction):
             self._moves_to_trust = max(self._moves_to_trust - 1, 0)

@@ -25,6 +25,7 @@ class Outcome(NamedTuple):
         misfit: rms of the whitened residual.
         slide: samples of zone A that were used.
         stick: the same of the stick zones.
+        onset_seen: it was not hidden by samples that are missing or saturated.
         mean: belief after the move, shape (STATES,).
         covariance: of it.
         before: variances before the move, shape (STATES,).
@@ -46,6 +47,7 @@ class Outcome(NamedTuple):
     misfit: float
     slide: int
     stick: int
+    onset_seen: bool
     mean: F64
     covariance: F64
     before: F64

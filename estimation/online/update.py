@@ -115,9 +115,9 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     _carry_state(problem, believed, state)
     return Outcome(
         verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi),
-        prepared.slide, stick, believed.mean, believed.covariance, np.diag(before.covariance),
-        found, gain, held, sliding, solution.unmodelled, solution.wander,
-        missed, innovations, scatter,
+        prepared.slide, stick, prepared.onset_seen, believed.mean, believed.covariance,
+        np.diag(before.covariance), found, gain, held, sliding, solution.unmodelled,
+        solution.wander, missed, innovations, scatter,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from stagedata.compiled import kernel
 
 
 @kernel()
-def first_stiffness(p, axis, law, samples, rest, use, belief):  # type: ignore[no-untyped-def]
+def first_stiffness(p, axis, law, samples, rest, use, slides, belief):  # type: ignore[no-untyped-def]
     """Stiffness, relative, at which to start the solve of all that is usable.
 
     Args:
@@ -19,6 +19,9 @@ def first_stiffness(p, axis, law, samples, rest, use, belief):  # type: ignore[n
         samples: of the move.
         rest: friction state before it.
         use: rows that count, shape (K,).
+        slides: zone A has been solved. Else Fc is as believed, and the stiffness is sought behind
+            missing samples, too: what sticks goes by the position alone. From one that is off, the
+            solve takes stiffness for elements that slip, at an Fc far too low.
         belief: before the move.
     """
     coulomb = axis.unit[COULOMB] * p[COULOMB]
@@ -26,14 +29,17 @@ def first_stiffness(p, axis, law, samples, rest, use, belief):  # type: ignore[n
     down, up = stick_range(law, rest.forces, rest.known, coulomb)
     square = product = 0.0
     for k in range(samples.zone.shape[0]):
+        if samples.zone[k] == SLIDE:
+            break
+        if samples.zone[k] != REST and not use[k]:
+            if slides:
+                break
+            continue
         friction = (
             samples.force[k + 1] - mass * samples.acceleration[k] - viscous * samples.velocity[k]
             - rest.total
         )  # fmt: skip
-        moving = samples.zone[k] != REST
-        if samples.zone[k] == SLIDE or not 0.8 * down < friction < 0.8 * up:
-            break
-        if moving and not use[k]:
+        if not 0.8 * down < friction < 0.8 * up:
             break
         travel = samples.position[k + 1] - samples.position[0]
         square += travel * travel

@@ -24,17 +24,17 @@ LEAST_BACK = 0.005
 """A settling that goes back less than this share of the breakaway travel does not determine sigma0
 by itself, without an onset."""
 HIDDEN = 0.25
-"""A hole that covers this share of the breakaway travel hides the onset: its samples after the hole
-do not count."""
+"""Samples that are missing or saturated hide the onset if the motion covers this share of the
+breakaway travel meanwhile, or of a shorter way."""
 FULL_SLIP = 2.0
 """Least length of a move from which C/Fc is learned, in breakaway travels. In shorter moves not all
 elements slip; of their forces only the sum was known at rest, and the rest would bias C/Fc."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
 
-TOO_LITTLE, UNUSABLE_FORCE, UNKNOWN_STATE = range(3)
+TOO_LITTLE, UNUSABLE_FORCE, UNKNOWN_STATE, HIDDEN_ONSET = range(4)
 """Why there is nothing to solve: too little motion; no usable force while it moves; an unknown
-friction state before it."""
+friction state before it; a hidden onset."""
 
 
 class Sampled(NamedTuple):
@@ -95,8 +95,9 @@ class Prepared(NamedTuple):
         slide: usable samples of zone A, 0 where they are too few.
         stick: the same of the stick zones.
         end: up to which inner sample the move is used.
-        why: of TOO_LITTLE, UNUSABLE_FORCE and UNKNOWN_STATE, where nothing can be solved.
+        why: of TOO_LITTLE ... HIDDEN_ONSET, where nothing can be solved.
         steady: share of the motion in which the force was not disturbed.
+        onset_seen: it is not hidden by samples that are missing or saturated.
         shows_stiffness: whether the move can determine sigma0.
         far: whether it goes FULL_SLIP.
     """
@@ -108,6 +109,7 @@ class Prepared(NamedTuple):
     end: int
     why: int
     steady: float
+    onset_seen: bool
     shows_stiffness: bool
     far: bool
 
@@ -190,6 +192,9 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         begun += 1
     while end > 0 and zone[end - 1] == REST:
         end -= 1
+    way = abs(position[size - 1] - position[0])
+    least = HIDDEN * min(travel, way)
+    onset_seen = _is_seen(position, force, good, axis.peak_force, begun, least)
     if not has_presliding(law):
         for k in range(count):
             usable[k] &= zone[k] == SLIDE
@@ -197,16 +202,16 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         _count_usable(zone, usable, SLIDE),
         _count_usable(zone, usable, STICK),
     )
-    # An onset says nothing unless it is known how it began.
-    for k in range(
-        _behind_hidden_onset(position, good, HIDDEN * travel) if state_known else 0, begun
-    ):
+    # An onset says nothing unless it is known how it began, and how elements began to slip.
+    onset_counts = state_known and onset_seen
+    for k in range(begun if onset_counts else 0, begun):
         usable[k] = False
-    back = 0.0 if state_known else _way_back(position, heading, zone, begun)
+    back = 0.0 if onset_counts else _way_back(position, heading, zone, begun)
     slide, stick = _count_usable(zone, usable, SLIDE), _count_usable(zone, usable, STICK)
     why = TOO_LITTLE
     if slide < MIN_SLIDE and stick < MIN_STICK:
-        why = _why_not(zone, sound_slide, sound_stick, has_presliding(law))
+        unknown = HIDDEN_ONSET if state_known else UNKNOWN_STATE
+        why = _why_not(zone, sound_slide, sound_stick, has_presliding(law), unknown)
     return Prepared(
         Samples(
             position, force, velocity, acceleration, heading, turn_share, turn_at, turn_sharpness,
@@ -218,37 +223,43 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         min(count, end + int(REST_AFTER / axis.period + 0.5)),
         why,
         _steady_share(zone, disturbed),
+        onset_seen,
         # A settling alone, of nanometres, has more than one stiffness that fits.
-        state_known or back >= LEAST_BACK * travel,
-        abs(position[size - 1] - position[0]) > FULL_SLIP * travel,
+        onset_counts or back >= LEAST_BACK * travel,
+        way > FULL_SLIP * travel,
     )  # fmt: skip
 
 
 @kernel()
-def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def]
-    """First sample behind a hole in which the motion covers `least` [m]; K, if there is none.
+def _is_seen(position, force, good, peak, begun, least):  # type: ignore[no-untyped-def]
+    """Whether no samples are missing or saturated while the motion covers `least` [m] of the onset.
 
-    `position` [m] and `valid`, shape (K + 2,). How elements began to slip inside it is not known.
+    `position` [m], `force` [N] and `good`, shape (K + 2,); `peak` force [N]; `begun`: inner sample
+    at which zone A begins. How elements began to slip meanwhile is not known.
     """
-    count = position.shape[0] - 2
-    gone = position[0]
-    for k in range(count):
-        if valid[k]:
-            if k > 0 and not valid[k - 1] and abs(position[k] - gone) > least:
-                return k
-            gone = position[k]
-    return count
+    gone, whole = position[0], True
+    for k in range(position.shape[0]):
+        if good[k] and abs(force[k]) < peak:
+            if not whole and abs(position[k] - gone) > least:
+                return False
+            if k > begun:
+                return True
+            gone, whole = position[k], True
+        else:
+            whole = False
+    return True
 
 
 @kernel()
-def _why_not(zone, slide, stick, presliding):  # type: ignore[no-untyped-def]
+def _why_not(zone, slide, stick, presliding, unknown):  # type: ignore[no-untyped-def]
     """Why nothing can be solved; `zone`: codes, shape (K,).
 
     `slide`, `stick`: number of samples usable but for an unknown onset; `presliding`: whether the
-    law has any, without which samples that stick are none to learn from.
+    law has any, without which samples that stick are none to learn from; `unknown`: why the onset
+    does not count.
     """
     if slide >= MIN_SLIDE or stick >= MIN_STICK:
-        return UNKNOWN_STATE
+        return unknown
     sliding = sticking = 0
     for k in range(zone.shape[0]):
         sliding += zone[k] == SLIDE

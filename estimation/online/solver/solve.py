@@ -54,7 +54,8 @@ from stagedata.compiled import kernel
 LEVEL_BOUND = 0.6
 """Largest level at a knot, either way."""
 FREE_SLIP = 0.3
-"""Spread of the friction force where zone A begins, in a solve of zone A alone [Coulomb force]."""
+"""Spread of the friction force where zone A begins [Coulomb force], in a solve of zone A alone, and
+at least behind an onset that was not seen."""
 REST_COUNTS = 16.0
 """Largest ratio of force noise to the force that position noise makes in the sticking elements, at
 which samples at rest count: they show where the motion began, and without them the scatter of
@@ -155,8 +156,9 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
     )
     if whole and mask[STIFFNESS]:
         p[STIFFNESS] = first_stiffness(
-            p, axis, law, problem.prepared.samples, problem.rest, use, before
-        )
+            p, axis, law, problem.prepared.samples, problem.rest, use,
+            problem.prepared.slide > 0, before,
+        )  # fmt: skip
     for i in range(LEVEL):
         if not mask[i]:
             p[i] = before.mean[i]
@@ -180,7 +182,8 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         )
         if evaluations == 0:  # the weights stay what they are at the first iterate
             _weigh(p, problem, linear, rows, white, use[:end], weights)
-            _open_offsets(whole, use[0], p, axis, white, doubts, unknowns, information)
+            fresh = _fresh_slip(whole, problem.prepared.onset_seen, p)
+            _open_offsets(fresh, use[0], p, axis, white, doubts, unknowns, information)
         if not linear:
             whiten(rows.columns, chosen, weights)
         normal_equations(rows.columns, chosen, weights, trial)
@@ -410,13 +413,25 @@ def _weigh(p, problem, linear, rows, white, use, weights):  # type: ignore[no-un
 
 
 @kernel()
-def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, information):  # type: ignore[no-untyped-def]
+def _fresh_slip(whole, onset_seen, p):  # type: ignore[no-untyped-def]
+    """Spread of the friction force where zone A begins, beside what positions leave open [Fc].
+
+    Behind an onset that was not seen the force is anywhere up to the static one.
+    """
+    if whole:
+        return 0.0 if onset_seen else max(FREE_SLIP, p[ALPHA])
+    return FREE_SLIP
+
+
+@kernel()
+def _open_offsets(fresh, from_rest, p, axis, white, doubts, unknowns, information):  # type: ignore[no-untyped-def]
     """Add the priors of what is neither figure nor knot to `information`, shape (n, n); mean 0.
 
-    `doubts`: of the friction force behind the last turn, and where zone A begins [N].
+    `fresh`: of `_fresh_slip`; `doubts`: of the friction force behind the last turn, and where zone
+    A begins [N].
     """
     pull = axis.unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise
-    fresh = 0.0 if whole else FREE_SLIP * axis.unit[COULOMB] * p[COULOMB]
+    slip = fresh * axis.unit[COULOMB] * p[COULOMB]
     white += (LEFT_OPEN * axis.unit[COULOMB] * axis.unmodelled) ** 2
     for a in range(unknowns.shape[0]):
         variance = 0.0
@@ -425,7 +440,7 @@ def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, informatio
         elif unknowns[a] == TURN_FORCE:
             variance = white + pull * pull + doubts[0] * doubts[0]
         elif unknowns[a] == SLIP_FORCE:
-            variance = fresh * fresh + doubts[1] * doubts[1] + 1e-20
+            variance = slip * slip + doubts[1] * doubts[1] + 1e-20
         elif unknowns[a] == ORIGIN:
             variance = 1.0
         if variance > 0.0:

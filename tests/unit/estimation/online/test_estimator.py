@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimation.friction import FrictionState
 from estimation.friction.shape import stiffness_doubt
 from estimation.move import MoveData
 from estimation.online.estimator import SplitHorizonEstimator
 from estimation.online.update import update_move
 from stagedata import FrictionFigures
 from tests.unit.estimation.online.moves import (
+    MICRO,
     SEQUENCE,
     SETTINGS,
     TRUE,
@@ -289,6 +291,25 @@ def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(da
     estimate = estimator.update(data.move(1))
     assert not estimate.accepted
     assert "the presliding state before the move is unknown" in estimate.reason
+
+
+@pytest.mark.parametrize("certain", [True, False])
+def test_behind_an_onset_that_was_not_seen_only_certain_figures_know_the_elements(certain):
+    short = drive([(20e-6, MICRO), (40e-6, MICRO)], only_x(0.0))
+    relaxed = FrictionState.relaxed(TRUE.elements)
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS, state=relaxed)
+    if certain:
+        estimator.believe({"coulomb": (6.0, 0.1), "stiffness": (6e5, 1e4)})
+    estimator.at_rest(0.0, 0.0, 0.0)
+    move = short.move(0)
+    valid = move.valid.copy()
+    valid[6:20] = False
+    estimate = estimator.update(replace(move, valid=valid))
+    assert "samples of its onset are missing or saturated" in estimate.reason
+    assert estimate.friction == TRUE
+    after = estimator.update(short.move(1))
+    assert after.accepted == certain
+    assert certain or "the presliding state before the move is unknown" in after.reason
 
 
 def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
