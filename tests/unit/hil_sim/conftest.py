@@ -79,6 +79,9 @@ class FollowingPlant:
         self._ramp[axis] = (self._demand[axis], position, ticks, 0)
         self.offset[axis] = force
 
+    def open_loop(self, axis: int) -> None:
+        """Force moves nothing here."""
+
     def start_clock(self) -> None:
         """Nothing depends on time."""
 

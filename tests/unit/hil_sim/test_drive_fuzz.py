@@ -44,7 +44,7 @@ def write(entry, value):
 small = st.sampled_from([0, 1, 2, 5, 6, 8, 33, 34, 37, 255])
 writes = st.builds(write, objects, small | st.integers(0, 2**32 - 1))
 powering = st.sampled_from([6, 7, 15, 15, 31]).map(lambda w: write((0x6040, 0, "H"), w))
-modes = st.sampled_from([1, 6, 8]).map(lambda m: write((0x6060, 0, "b"), m))
+modes = st.sampled_from([1, 3, 6, 8, 9, 10]).map(lambda m: write((0x6060, 0, "b"), m))
 nmt = st.sampled_from([1, 1, 1, 2, 128, 129, 130]).map(lambda c: (0x000, bytes((c, 0))))
 noise = st.tuples(
     st.sampled_from([0x000, 0x080, 0x201, 0x301, 0x401, 0x501, 0x601, 0x701, 0x77F]),
@@ -74,6 +74,8 @@ def test_any_sequence_of_frames(
     world = World("fuzz")
     stage = VirtualStage(stage_settings, 1, plant=plant)
     stage.attach(world)
+    supported = stage.drives[0].dictionary.integer(0x650200)
+    displayed = {0, *(n for n in range(1, 33) if supported >> (n - 1) & 1)}
     with can.Bus(interface="lockstep", channel="fuzz") as bus:
         bus.clock.sleep_until_ns(30_000_000)
         if mapped:
@@ -90,5 +92,5 @@ def test_any_sequence_of_frames(
             assert plant.powered[0] == (state is not None), hex(status)
             if not plant.powered[0]:
                 assert plant.offset[0] == 0.0
-                assert stage.drives[0].dictionary.integer(0x606100) in (0, 1, 6, 8)
+                assert stage.drives[0].dictionary.integer(0x606100) in displayed
             assert plant.time_ns >= before[1]
