@@ -337,7 +337,8 @@ def fit_alone(
     Args:
         loop: the axis.
         effects: to be fitted.
-        at: values of an effect's last parameters to start from, in their units; else a grid is tried.
+        at: values of an effect's last parameters to start from, in their units; else a grid is
+            tried.
     """
     plain = fit_free(loop, loop.start, SHORT)
     dictionary = FreeDictionary(loop, plain)

@@ -80,7 +80,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
         return ()
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
-    opened = screen.together(nothing, bends(0, 0), 0.0, narrow=False).energy
+    opened = screen.together(nothing, bends(0, 0), 0.0).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
     tried = (_Fit(screen, unlisted, slow).description(opened) for slow in _SLOW)
@@ -145,11 +145,8 @@ class _Fit:
         columns[1] = columns[1] * (self._level > 0.0)
         self._edges = np.cumsum([0, *(own.shape[1] for own in columns)])
         self._screen = screen
-        narrow = any(coordinate.is_narrow for coordinate in coordinates)
         # Friction over position and over velocity share a constant.
-        self._prediction = screen.together(
-            np.hstack(columns), block_diag(*bent), _SMALL, narrow=narrow
-        )
+        self._prediction = screen.together(np.hstack(columns), block_diag(*bent), _SMALL)
 
     def description(self, opened: float) -> Description:
         """The fits as forces; `opened`: energy of the gap that is described."""

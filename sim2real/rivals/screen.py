@@ -171,7 +171,7 @@ class Screen:
         size = over.shape[1]
         both = over if beside is None else np.column_stack((over, beside.effects))
         second = bends(size if coordinate.is_curve else 0, both.shape[1])
-        best = self._smoothed(both, second, 0.0, beside, narrow=coordinate.is_narrow)
+        best = self._smoothed(both, second, 0.0, beside)
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
 
     def nodes(self, coordinate: Coordinate) -> F64 | None:
@@ -197,37 +197,34 @@ class Screen:
         each = (columns(coordinate, at, course) for course in self._courses)
         return np.concatenate([self._seen(number, own) for number, own in enumerate(each)])
 
-    def together(self, over: F64, second: F64, small: float, *, narrow: bool) -> Prediction:
+    def together(self, over: F64, second: F64, small: float) -> Prediction:
         """Several curves beside the plant's figures as they are, with the best weight.
 
         Args:
             over: columns of all curves, float64[R, n].
             second: differences of the heights that bends are, float64[m, n].
             small: weight of each height beside that of the bends.
-            narrow: as of `_smoothed`.
         """
         none = np.empty((len(self._residual), 0))
         fixed = Linear(self._residual, none, none, np.empty(0))
-        return self._smoothed(over, second, small, fixed, narrow=narrow)
+        return self._smoothed(over, second, small, fixed)
 
-    def _smoothed(
-        self, over: F64, second: F64, small: float, beside: Linear | None, *, narrow: bool
-    ) -> Prediction:
-        """Curves with the best weight of their bends.
+    def _smoothed(self, over: F64, second: F64, small: float, beside: Linear | None) -> Prediction:
+        """Curves with the best weight of their bends, which are few.
+
+        First a bend weighs by its square, then by its magnitude: such a penalty leaves curves that
+        are straight where nothing bends them.
 
         Args:
             over: columns of all curves and of what is fitted beside them, float64[R, n].
             second: as of `together`.
             small: as of `together`.
             beside: as of `_predict`.
-            narrow: a bend weighs by its magnitude in the end, not by its square: that leaves few of
-                them, and curves that are straight where nothing bends them.
         """
         held = small * np.eye(over.shape[1])
-        weights = _SMOOTH if len(second) else _SMOOTH[:1]
-        found = self._predict(over, [w * (second.T @ second + held) for w in weights], beside)
-        if not narrow:
-            return found
+        if not len(second):
+            return self._predict(over, [held], beside)
+        found = self._predict(over, [w * (second.T @ second + held) for w in _SMOOTH], beside)
         bent = np.abs(second @ found.values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
         by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second

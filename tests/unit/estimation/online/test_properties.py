@@ -121,7 +121,7 @@ def test_directions_are_mirror_images(truth, scale, target, seed):
 places = st.floats(0.0, 1.0)
 unusable = st.tuples(places, st.integers(1, 30), st.sampled_from(["lost", "nan", "saturated"]))
 # Nothing marks a kick: over all that slides it would be a force like any other.
-kicks = st.tuples(places, st.integers(1, 6), st.just("kick"))
+kicks = st.tuples(places, st.integers(1, 12), st.just("kick"))
 
 
 def first_update(start, data):

@@ -67,6 +67,11 @@ def pulse(ports, p):
 
 
 @unlisted(SIZE, over="")
+def slow_pulse(ports, p):
+    ports.scale_time_coulomb(1.0 + p["size"] * np.sin(2.0 * np.pi * 0.4 * ports.times + 0.4))
+
+
+@unlisted(SIZE, over="")
 def running_up(ports, p):
     cycles = 15.0 * ports.times + 2.0 * ports.times**2
     ports.add_time_force(p["size"] * np.sin(2.0 * np.pi * cycles))
@@ -110,6 +115,7 @@ def screen_of(nominal):
         (dirt, 0.8, "position_direction"),
         (easing, 0.4, "time"),
         (pulse, 0.2, "time"),
+        (slow_pulse, 0.2, "time"),
         (running_up, 0.8, "time"),
     ],
     ids=lambda value: getattr(value, "name", None),
