@@ -29,7 +29,7 @@ _OF_OTHERS = 0.5
 """Part of what is closed that moves of another kind may show where a recording has one kind: on
 EMPS 0.74 became 0.52 (docs/emps.md)."""
 _LITTLE = 0.02
-"""Share of the gap that a description has to close beside the names."""
+"""Share of the gap that a description has to close beside the names, or beside a simpler one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,13 +84,30 @@ def describe_rest(
         tried = [t for each in candidates if (t := _try_beside(held_out, folds, each)) is not None]
         if not tried:
             continue
-        after, beside, force = min(tried, key=lambda t: combined_energy(t[0].energies, samples))
+        number = find_simplest([combined_energy(t[0].energies, samples) for t in tried], gap)
+        after, beside, force = tried[number]
         _, interval = share_promised(held_out, after)
         fall = combined_energy(left.energies, samples) - combined_energy(after.energies, samples)
         if fall > _LITTLE * gap and interval is not None and interval[0] > 0.0:
             left, folds = after, beside
             forces.append(force)
     return replace(promised, forces=tuple(forces), twin=left, folds=folds)
+
+
+def find_simplest(left: Sequence[float], gap: float) -> int:
+    """Which of several descriptions to take: a later one where it closes clearly more.
+
+    What closes hardly more follows what is this recording's own, such as the wander of friction.
+
+    Args:
+        left: squared gap over floor that each leaves of held-out moves, the simplest first.
+        gap: that is described, likewise.
+    """
+    best = 0
+    for number, energy in enumerate(left):
+        if left[best] - energy > _LITTLE * gap:
+            best = number
+    return best
 
 
 def _try_beside(

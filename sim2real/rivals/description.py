@@ -17,7 +17,7 @@ Source: docs/decisions/0019-rivals.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,12 +65,13 @@ class Description:
 
 
 def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple[Description, ...]:
-    """Descriptions of what a model leaves of an axis' force, those with fewest nodes first.
+    """Descriptions of what a model leaves of an axis' force, the simplest first.
 
-    They differ by the nodes at low velocities: along the motion these tell little, in the closed
-    loop they may tell much. Those that the simulator would refuse as too steep are left out. None,
-    where a description closes nothing, or the force depends on what no twin has, such as time: over
-    position it would be another one in the next run.
+    They differ by their curves, over the coordinates that are known or over all, and by the nodes
+    at low velocities: along the motion these tell little, in the closed loop they may tell much.
+    Those that the simulator would refuse as too steep are left out. None, where a description
+    closes nothing, or the force depends on what no twin has, such as time: over position it would
+    be another one in the next run.
 
     Args:
         loop: the axis under the model.
@@ -83,10 +84,13 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     opened = screen.together(nothing, bends(0, 0), 0.0).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
-    tried = (_Fit(screen, unlisted, slow).description(opened) for slow in _SLOW)
+    known, every = {u.over for u in unlisted}, set(_CURVES)
+    tried = [(known, slow) for slow in (_SLOW if "velocity" in known else _SLOW[:1]) if known]
+    tried += [(every, slow) for slow in _SLOW]
+    described = (_Fit(screen, unlisted, *each).description(opened) for each in tried)
     return tuple(
         found
-        for found in tried
+        for found in described
         if found.force.gap_closed >= _LEAST
         and all(
             ResidualTable().refusal(force.table(), loop.axis) is None
@@ -106,10 +110,13 @@ class _Fit:
     Args:
         screen: the axis under the model.
         unlisted: as `describe_force`.
+        over: coordinates whose curves are fitted; the others stay at 0.
         slow: share of the top speed below which nodes over velocity are left out.
     """
 
-    def __init__(self, screen: Screen, unlisted: Sequence[Unlisted], slow: float) -> None:
+    def __init__(
+        self, screen: Screen, unlisted: Sequence[Unlisted], over: Set[str], slow: float
+    ) -> None:
         loop = screen.loop
         self._name = loop.name
         low, high = screen.extent("position")
@@ -134,7 +141,7 @@ class _Fit:
             if coordinate.over == "velocity":
                 at = at[(at <= slow * at[0]) | (at == 0.0) | (at >= slow * at[-1])]
             self._at[coordinate.over] = coordinate, at
-            columns.append(screen.columns(coordinate, at))
+            columns.append(float(coordinate.over in over) * screen.columns(coordinate, at))
             size = columns[-1].shape[1]
             bent.append(bends(size if coordinate.is_curve else 0, size))
         self._level = _coulomb_level(

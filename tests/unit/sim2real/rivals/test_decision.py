@@ -170,6 +170,18 @@ def test_a_loss_goes_on_straight_beyond_the_forces_recorded(screen_of):
     assert force.motor_force[-1] > 1.2 * highest
 
 
+def test_the_simplest_description_is_the_known_coordinate_alone(screen_of):
+    """Curves over others follow what is this recording's own, such as the wander of friction."""
+    screen = screen_of(splinter, size=3.0)
+    simplest, *others = (
+        each.force for each in describe_force(screen.loop, find_rivals(screen).unlisted("x"))
+    )
+    assert max(simplest.always) == pytest.approx(3.0, rel=0.15)
+    assert set(simplest.coulomb) == {1.0}
+    assert simplest.over_velocity == pytest.approx([0.0] * len(simplest.velocity))
+    assert all(set(force.coulomb) != {1.0} for force in others)
+
+
 def test_a_library_effect_keeps_its_name(screen_of):
     effect, values = library()["viscous_damping"], (1.8,)
     screen = screen_of(effect, ratio=1.8)
