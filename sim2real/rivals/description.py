@@ -118,7 +118,7 @@ class _Fit:
         self, screen: Screen, unlisted: Sequence[Unlisted], over: Set[str], slow: float
     ) -> None:
         loop = screen.loop
-        self._name = loop.name
+        self._name, self._over = loop.name, over
         low, high = screen.extent("position")
         step = (high - low) / (_PLACES - 1)
         steps = {u.over: min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
@@ -168,7 +168,8 @@ class _Fit:
     def _as_force(self, values: F64, closed: float) -> EmpiricalForce:
         parts: dict[str, tuple[F64, F64]] = {}
         for number, (over, (coordinate, at)) in enumerate(self._at.items()):
-            heights = values[self._edges[number] : self._edges[number + 1]]
+            heights = values[self._edges[number] : self._edges[number + 1]].copy()
+            heights[:] = heights if over in self._over else 0.0
             if over == "reversal_path":  # element by element: no curve
                 parts[over] = at, heights
             else:

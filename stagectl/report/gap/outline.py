@@ -288,10 +288,14 @@ def _empirical(report: findings.GapReport) -> Section:
 
 
 def _described_over(force: findings.EmpiricalForce) -> str:
-    over = ["position", "direction", "velocity"]
-    over += ["motor force"] if force.motor_force else []
-    over += ["the path since a reversal"] if force.path else []
-    return listed(over)
+    parts = {
+        "position": (*force.always, *force.against),
+        "direction": force.against,
+        "velocity": force.over_velocity,
+        "motor force": force.motor_force,
+        "the path since a reversal": force.path,
+    }
+    return listed([over for over, values in parts.items() if any(values)])
 
 
 def _changed(change: findings.FigureChange) -> Fact:
