@@ -166,7 +166,8 @@ class _StageSearch:
         first = [alternative.model for alternative in search.alternatives]
         is_open = not search.is_complete
         near = first[:FITTED] if is_open else []
-        if self._is_curve(name, [search.best.model, *near], leaves_structure=is_open):
+        judged = {"leaves_structure": is_open, "is_complete": not is_open}
+        if self._is_curve(name, [search.best.model, *near], **judged):
             rivals = self._rivals(name)
             # Those of transmissions have not been tried so far.
             transmitted = [e for n, e in self._all.items() if n not in self._library]
@@ -201,15 +202,19 @@ class _StageSearch:
         """The coordinate that the missing force of an axis depends on."""
         return self._rivals(name).unlisted(name)
 
-    def _is_curve(
-        self, name: str, models: Sequence[AxisModel], *, leaves_structure: bool = False
-    ) -> bool:
-        """Whether a curve explains nearly all of an axis, and better than these models."""
+    def _is_curve(self, name: str, models: Sequence[AxisModel], **judged: bool) -> bool:
+        """Whether a curve explains nearly all of an axis, and better than these models.
+
+        Args:
+            name: of the axis.
+            models: of the library.
+            judged: as `Rivals.leave_names`.
+        """
         rivals = self._rivals(name)
         unlisted = rivals.unlisted(name)
         if not unlisted or unlisted[0].gap_closed <= ENOUGH:
             return False
-        if rivals.leave_names(models, leaves_structure=leaves_structure):
+        if rivals.leave_names(models, **judged):
             return False
         # The search takes mass, friction and stiffness before a factor on all of these.
         started = (factor_instead(model, rivals.screen.loop.axis, self._all) for model in models)
@@ -218,7 +223,7 @@ class _StageSearch:
         if start is None or not loop.allows(start):
             return True
         scaled = fit_free(loop, start, LONG).model
-        return not rivals.leave_names([scaled], leaves_structure=leaves_structure)
+        return not rivals.leave_names([scaled], **judged)
 
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""

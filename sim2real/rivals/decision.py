@@ -79,13 +79,21 @@ class Rivals:
         area = float(np.trapezoid(best.force, best.at))
         return float(best.at[highest]), abs(area / best.force[highest]) / math.sqrt(2.0 * math.pi)
 
-    def leave_names(self, models: Sequence[AxisModel], *, leaves_structure: bool = False) -> bool:
+    def leave_names(
+        self,
+        models: Sequence[AxisModel],
+        *,
+        leaves_structure: bool = False,
+        is_complete: bool = False,
+    ) -> bool:
         """Whether one of these library models, which could explain the axis, keeps its names.
 
         Args:
             models: each with one effect or more.
             leaves_structure: innovations show that something is missing whichever of them is right:
                 then a name may lose nothing that is certain, however small beside the gap.
+            is_complete: innovations show that nothing is missing: then several effects only have to
+                predict better than a curve by one standard error, for they have fewer figures.
         """
         best = self.best
         if best is None:
@@ -100,7 +108,8 @@ class Rivals:
             margin = self.margin(error)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
-            if excess < -min(margin, _CLEARLY * error) or (
+            clearly = 1.0 if is_complete else _CLEARLY
+            if excess < -min(margin, clearly * error) or (
                 excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True

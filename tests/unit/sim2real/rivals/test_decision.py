@@ -140,25 +140,49 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
         np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
 
 
-@pytest.mark.parametrize(("lost", "wavers"), [(0.01, 0.0), (0.01, 1.0), (0.03, 0.0)])
-def test_a_near_shape_keeps_its_name_only_where_it_leaves_no_structure(nominal, lost, wavers):
-    """A name that loses a hundredth of the gap, for certain or not, and one that loses more."""
-    moves, gap = 20, 1e4
-    noise = np.full(moves, 100.0)
-    excess = lost * gap * (1.0 + wavers * np.resize((6.0, 6.0, -6.0, -6.0), moves))
+WAVES = (6.0, 6.0, -6.0, -6.0)
+
+
+def rivals_of(nominal, gap, lost):
+    """A curve that leaves noise; any model loses these shares of a gap to it, one of each move."""
+    noise = np.full(len(lost), 100.0)
     best, name, nothing = (
         Prediction(energies, np.empty(0), np.empty(0), ())
-        for energies in (noise, noise + excess, noise + gap)
+        for energies in (noise, noise + lost * gap, noise + gap)
     )
     screen = SimpleNamespace(
         open=nothing, floor=noise.sum(), model=lambda _: name, linear=lambda _: None,
         loop=SimpleNamespace(axis=nominal[1].axes[0]),
     )  # fmt: skip
     none = np.empty(0)
-    rivals = Rivals(screen, [Curve(Coordinate("velocity", "velocity"), none, none, none, best)])
+    return Rivals(screen, [Curve(Coordinate("velocity", "velocity"), none, none, none, best)])
+
+
+@pytest.mark.parametrize(("lost", "wavers"), [(0.01, 0.0), (0.01, 1.0), (0.03, 0.0)])
+def test_a_near_shape_keeps_its_name_only_where_it_leaves_no_structure(nominal, lost, wavers):
+    """A name that loses a hundredth of the gap, for certain or not, and one that loses more."""
+    moves, gap = 20, 1e4
+    rivals = rivals_of(nominal, gap, lost * (1.0 + wavers * np.resize(WAVES, moves)))
     one = AxisModel(np.zeros(NUISANCES), (Term(library()["viscous_damping"], (1.5,)),))
     assert rivals.leave_names([one]) is (lost < 0.02)
     assert rivals.leave_names([one], leaves_structure=True) is (wavers > 0.0)
+
+
+@pytest.mark.parametrize(("errors", "complete"), [(0.5, False), (2.0, True), (4.0, True)])
+def test_a_complete_set_has_to_predict_better_by_one_standard_error(nominal, errors, complete):
+    """The set of a bump and a level is one curve over position, of many more figures."""
+    moves = 40
+    swings = np.resize(WAVES, moves)
+    blocks = swings.reshape(-1, 2).sum(axis=1)
+    error = blocks.std(ddof=1) * np.sqrt(len(blocks))
+    rivals = rivals_of(nominal, 1e4, 1e-5 * (swings - errors * error / moves))
+    terms = tuple(
+        Term(library()[name], (ratio,))
+        for name, ratio in (("coulomb_level", 1.2), ("viscous_damping", 1.5))
+    )
+    both = AxisModel(np.zeros(NUISANCES), terms)
+    assert rivals.leave_names([both], is_complete=True) is complete
+    assert rivals.leave_names([both]) is (errors > 3.0)
 
 
 def test_a_loss_goes_on_straight_beyond_the_forces_recorded(screen_of):
