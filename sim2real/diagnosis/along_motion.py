@@ -139,7 +139,8 @@ def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[s
         The search, whether its effects keep their names, and those that no curve can take.
     """
     if search.names_causes() and rivals.leave_names([search.best.model]):
-        return search, True, ()
+        is_plain = all(term.effect.any_size for term in search.best.model.terms)
+        return search, True, search.best.model.names() if is_plain else ()
     for number, step in reversed(list(enumerate(search.steps))):
         if step.closed < ENOUGH:
             break
