@@ -168,8 +168,8 @@ class _Fit:
     def _as_force(self, values: F64, closed: float) -> EmpiricalForce:
         parts: dict[str, tuple[F64, F64]] = {}
         for number, (over, (coordinate, at)) in enumerate(self._at.items()):
-            heights = values[self._edges[number] : self._edges[number + 1]].copy()
-            heights[:] = heights if over in self._over else 0.0
+            heights = values[self._edges[number] : self._edges[number + 1]]
+            heights = np.where(over in self._over, heights, 0.0)
             if over == "reversal_path":  # element by element: no curve
                 parts[over] = at, heights
             else:
