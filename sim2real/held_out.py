@@ -201,10 +201,12 @@ def predict_held_out(
         whole, best, known = fitted[name]
         if known:
             return list(known)
-        models = []
+        models, columns = [], whole.base_columns(best, whole.residual(best))
         for masks in held:
             others = [_to_periods(~mask, m) for mask, m in zip(masks, measured, strict=True)]
-            models.append(fit(whole.masked(others), best, 1, thorough=False).model)
+            kept = np.concatenate([o[own] for o, own in zip(others, whole.masks, strict=True)])
+            own_columns = columns[np.tile(kept, 2)]  # positions, then forces
+            models.append(fit(whole.masked(others), best, 1, own_columns, thorough=False).model)
             progress(next(numbers), fits)
         return models
 

@@ -21,6 +21,7 @@ from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Workers
 from sim2real.gap import Measured
 from sim2real.held_out import FOLDS
 from sim2real.phases import split_moves
+from sim2real.waves import wave_sums
 from stagedata import F64, BoolArray
 
 _SIDE_BY_SIDE = 4
@@ -263,7 +264,7 @@ class FreeLoop:
             if over_travel:
                 counted = counted & (np.abs(speed) > _MOVING * np.abs(speed).max())
             where = np.asarray(travel if over_travel else period * place, dtype=np.float64)[counted]
-            power += _wave_power(lines, where, force[counted])
+            power += np.abs(wave_sums(lines, where, force[counted])) ** 2
         return power
 
 
@@ -277,15 +278,3 @@ def _plain_part(force: F64, speed: F64, travel: F64) -> F64:
     """
     columns = np.column_stack([np.ones_like(speed), np.sign(speed), speed, np.abs(speed), travel])
     return np.asarray(columns @ np.linalg.lstsq(columns, force, rcond=None)[0])
-
-
-def _wave_power(lines: F64, where: F64, values: F64) -> F64:
-    """Squared amplitude of values over lines, by a histogram and one FFT."""
-    step = 1.0 / (8.0 * float(lines[-1]))
-    cell = np.round((where - where.min()) / step).astype(np.int64)
-    binned = np.bincount(cell, weights=values)
-    spacing = float(lines[1] - lines[0])
-    size = max(round(1.0 / (spacing * step)), len(binned))
-    spectrum = np.abs(np.fft.rfft(binned, size)) ** 2
-    at = np.fft.rfftfreq(size, step)
-    return np.asarray(np.interp(lines, at, spectrum))

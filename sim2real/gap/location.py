@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sim2real.findings import Where
 from sim2real.gap.measure import Measured
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
+from sim2real.waves import wave_sums
 from stagedata import FloatArray, aligned_demand, angular_unit
 
 BINS = 24
@@ -25,10 +26,8 @@ SMALLEST_SHARE = 0.05
 _LIFT = 1.3
 """Least ratio of a cell's share of the energy to its share of the samples."""
 _MOST = 16
-_SPATIAL = np.concatenate([np.arange(10.0, 250.0, 1.0), np.arange(250.0, 1001.0, 2.0)])
+_SPATIAL = np.arange(10.0, 1001.0)
 """Spatial frequencies examined [1/m]: pitches from 1 to 100 mm."""
-_LINES = 100
-"""Spatial frequencies computed at once: each takes two numbers per sample."""
 _MOVING = 0.01
 _BANDS = np.geomspace(2.0, 500.0, 25)
 
@@ -267,11 +266,7 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     lines = _SPATIAL[_SPATIAL * travel >= 1.5]
     values = np.vstack([s.residual, s.draws])[:, moving]
     values = values - values.mean(axis=1)[:, None]
-    parts = [
-        _wave_energy(s.travelled[moving], values, part)
-        for part in np.array_split(lines, -(-len(lines) // _LINES))
-    ]
-    taken = np.concatenate(parts, axis=1)
+    taken = _wave_energy(s.travelled[moving], values, lines)
     energy = taken[0] - taken[1:].mean(axis=0)
     best = int(np.argmax(energy))
     share = float(energy[best]) / s.floor**2 / total if s.floor > 0 else 0.0
@@ -297,10 +292,11 @@ def _wave_energy(position: FloatArray, values: FloatArray, lines: Weights) -> We
         values: float64[n, T].
         lines: spatial frequencies [1/m].
     """
-    angle = 2.0 * np.pi * position[None, :] * lines[:, None]
-    cosine, sine = np.cos(angle), np.sin(angle)
-    cc, ss, cs = (cosine**2).sum(1), (sine**2).sum(1), (cosine * sine).sum(1)
-    c, z = values @ cosine.T, values @ sine.T
+    twice = wave_sums(2.0 * lines, position, np.ones(len(position)))
+    cc, ss = 0.5 * (len(position) + twice.real), 0.5 * (len(position) - twice.real)
+    cs = -0.5 * twice.imag
+    sums = np.array([wave_sums(lines, position, row) for row in values])
+    c, z = sums.real, -sums.imag
     power: Weights = (ss * c**2 - 2 * cs * c * z + cc * z**2) / (cc * ss - cs**2)
     return power
 
