@@ -133,24 +133,30 @@ def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[s
     Where all its effects together do not keep them, fewer may that close nearly all of the gap: a
     curve as good as three names may be no better than the first of these. A weight or a constant
     pull that does so by itself is a name in any case. A curve over position contains it, and so
-    closes more wherever the force has any other course besides, which is given beside it.
+    closes more wherever the force has any other course besides, which is given beside it. So it is
+    where further effects do not keep their names beside a curve.
 
     Returns:
         The search, whether its effects keep their names, and those that no curve can take.
     """
-    if search.names_causes() and rivals.leave_names([search.best.model]):
-        is_plain = all(term.effect.any_size for term in search.best.model.terms)
-        return search, True, search.best.model.names() if is_plain else ()
+    plain: tuple[str, ...] = ()
+    for step in search.steps:
+        if step.closed >= ENOUGH and all(term.effect.any_size for term in step.model.terms):
+            plain = step.model.names()
+    found = search.best.model
+    if search.names_causes() and rivals.leave_names([found]):
+        if plain in ((), found.names()) or not rivals.beside(found, plain)[0]:
+            return search, True, plain
     for number, step in reversed(list(enumerate(search.steps))):
         if step.closed < ENOUGH:
             break
-        plain = all(term.effect.any_size for term in step.model.terms)
-        if not plain and (step is search.steps[-1] or not rivals.leave_names([step.model])):
+        is_plain = step.model.names() == plain
+        if not is_plain and (step is search.steps[-1] or not rivals.leave_names([step.model])):
             continue
         best, folds = fit_figures(search.loop, step.model)
         fewer = replace(search, best=best, folds=folds, steps=search.steps[: number + 1])
         if fewer.names_causes():
-            return fewer, True, step.model.names() if plain else ()
+            return fewer, True, plain if is_plain else ()
     return search, False, ()
 
 

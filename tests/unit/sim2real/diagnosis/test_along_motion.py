@@ -107,24 +107,29 @@ def two_steps(tool):
 
 
 class Curves:
-    """Rivals of which some names are not taken."""
+    """Rivals that leave some sets of names, and beside which some effects are not needed."""
 
-    def __init__(self, *kept):
-        self.kept = kept
+    def __init__(self, *left, needless=()):
+        self.left, self.needless = left, needless
 
     def leave_names(self, models):
-        return any(model.names() in self.kept for model in models)
+        return any(model.names() in self.left for model in models)
+
+    def beside(self, model, kept):
+        return tuple(name for name in self.needless if name not in kept), ()
 
 
 def test_what_several_effects_cannot_keep_the_first_may(two_steps):
     offset, both = ("force_offset",), ("force_offset", "viscous_asymmetry")
-    for kept, names, plain in [
-        ([both], both, ()),
-        ([], offset, offset),
-        ([offset], offset, offset),
+    for curves, names in [
+        (Curves(both), both),
+        (Curves(both, needless=offset), both),
+        (Curves(both, needless=both), offset),
+        (Curves(), offset),
+        (Curves(offset), offset),
     ]:
-        found, keeps, untaken = named(two_steps, Curves(*kept))
-        assert (found.best.model.names(), keeps, untaken) == (names, True, plain)
+        found, keeps, untaken = named(two_steps, curves)
+        assert (found.best.model.names(), keeps, untaken) == (names, True, offset)
         assert [step.effects for step in found.steps][-1] == names
     early = [replace(step, closed=0.8) for step in two_steps.steps]
     found, keeps, _ = named(replace(two_steps, steps=early), Curves(offset))
