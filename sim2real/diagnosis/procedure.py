@@ -179,10 +179,10 @@ class _StageSearch:
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
-        rivals = self._rivals(name)
-        if not rivals.leave_names([found.best.model]):
+        rivals, model = self._rivals(name), found.best.model
+        if not model.terms or not rivals.leave_names([model]):
             return found.without_names(rivals.unlisted(name))
-        doubted, unlisted = rivals.beside(found.best.model)
+        doubted, unlisted = rivals.beside(model)
         return replace(found, doubted=doubted, unlisted=unlisted)
 
     def _start_at_peak(self, name: str, search: AxisSearch) -> AxisSearch:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import stdtr
 
 from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate, typical
@@ -386,14 +387,18 @@ def is_certain(change: F64) -> bool:
     """Whether the gap falls by more than if chance gave the change of each move its sign.
 
     A sign-flip test: unlike a standard deviation over moves it allows for what fades, which changes
-    the first moves most. Where there are too few moves for it, all of them have to gain.
+    the first moves most. Where there are too few moves for it, Student's t counts as well.
 
     Args:
         change: fall of the moves' energies, float64[moves].
     """
+    count = len(change)
     if (change > 0.0).all():
         return True
-    signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, len(change)))
+    if 2.0 > CHANCE * 2.0**count:  # chance alone does as well where a single move is worse
+        error = float(np.std(change, ddof=1)) / math.sqrt(count) if count > 1 else math.inf
+        return bool(stdtr(count - 1, float(change.mean()) / error) > 1.0 - CHANCE)
+    signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, count))
     return bool(np.mean(signs @ change >= change.sum()) < CHANCE)
 
 

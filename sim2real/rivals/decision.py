@@ -31,8 +31,11 @@ _CLEARLY = 3.0
 """Standard errors by which several effects predict clearly better than a curve."""
 _FAINT = 0.25
 """Energy over that of noise which matters nowhere."""
-_MOST = 0.5
-"""Share of the gap that a curve has to close on other moves."""
+_MOST, _SHOWN = 0.5, 0.2
+"""Shares of the gap that a curve has to close on other moves: to take names away, and to be shown
+where nothing has a name and the gap is far above the floor."""
+_FAR = 4.0
+"""Energy over that of noise that is far above it."""
 _TAKEN = 0.1
 """Share of what an effect closes that may be lost where a curve takes its place."""
 _FEWEST = 200
@@ -63,11 +66,15 @@ class Rivals:
     @property
     def best(self) -> Curve | None:
         """The curve that predicts other moves best, where it closes most of the gap."""
+        return self._closing(_MOST)
+
+    def _closing(self, least: float) -> Curve | None:
+        """The curve that predicts other moves best, where it closes this share of the gap."""
         if not self.curves:
             return None
         above = max(self.opened.energy - self.screen.floor, 1e-9)
         best = self.curves[0]
-        return best if self.opened.energy - best.prediction.energy >= _MOST * above else None
+        return best if self.opened.energy - best.prediction.energy >= least * above else None
 
     @property
     def peak(self) -> tuple[float, float] | None:
@@ -166,7 +173,10 @@ class Rivals:
 
     def unlisted(self, axis: str) -> tuple[Unlisted, ...]:
         """The coordinate that the force depends on, and those that could take its place."""
-        best = self.best
+        if not self.curves:
+            return ()
+        is_far = self.opened.energy > _FAR * self.screen.floor
+        best = self._closing(_SHOWN if is_far else _MOST)
         if best is None:
             return ()
         odds, alike = [], []

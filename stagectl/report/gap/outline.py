@@ -135,7 +135,8 @@ def headline(report: findings.GapReport) -> str:
     coordinate = ""
     if report.unlisted:
         first = report.unlisted[0]
-        coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} closes it"
+        closes = f"closes {percent(first.gap_closed)} of it"
+        coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} {closes}"
     match report.verdict:
         case "no_gap":
             return "The machine file describes this stage down to the noise floor."

@@ -121,7 +121,8 @@ def test_a_model_without_mass_cannot_be_simulated(screw):
         ([40.0, -20.0, 9.0, -14.0, 2.0, -1.0, 0.5, 0.2], False),
         ([40.0, -3.0, -2.0, -4.0, -3.0, -5.0, -2.0, -1.0], False),  # one move against all others
         ([3.0, 2.0, 1.0, 2.0], True),
-        ([3.0, 2.0, -1.0, 2.0], False),  # too few moves for a test
+        ([3.0, 2.0, -1.0, 2.0], False),  # too few moves
+        ([4.4, 5.2, -0.1, 4.1, 2.7], True),  # few, but alike
     ],
 )
 def test_a_step_counts_where_chance_would_hardly_do_as_well(change, certain):

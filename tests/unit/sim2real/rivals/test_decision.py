@@ -273,6 +273,23 @@ def test_without_a_gap_there_is_no_coordinate(screen_of):
     assert find_rivals(screen_of()).unlisted("x") == ()
 
 
+@pytest.mark.parametrize(("gap", "shown"), [(1e3, True), (150.0, False)])
+def test_a_curve_that_closes_a_third_is_shown_where_the_gap_is_large(nominal, gap, shown):
+    moves = 20
+    rivals = rivals_of(nominal, gap, np.full(moves, 1.0))
+    (curve,) = rivals.curves
+    energies = curve.prediction.energies + 0.67 * gap
+    weak = replace(curve, prediction=replace(curve.prediction, energies=energies))
+    rivals = replace(rivals, curves=[weak])
+    rivals.screen.blocks = np.repeat(np.arange(moves), 50)
+    assert rivals.leave_names([])
+    found = rivals.unlisted("x")
+    assert [(each.over, round(each.gap_closed, 2)) for each in found] == (
+        [("velocity", 0.33)] if shown else []
+    )
+    assert all(each.probability < 0.34 for each in found)
+
+
 def test_an_axis_that_hardly_moves_has_no_curves():
     rivals = find_rivals(SimpleNamespace(samples=10.0))
     assert rivals.leave_names([])
