@@ -12,7 +12,6 @@ from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import of_size
 from sim2real.attribution.axis_search import AxisResult
-from sim2real.axis_units import unit_on
 from sim2real.findings import Candidate, Cause, Confusable, Parameter
 from sim2real.fitting import (
     STEP,
@@ -61,7 +60,7 @@ def find_causes(
             sigma = result.scatter * fitted * per_coordinate
             if not along_motion:
                 sigma = math.hypot(sigma, _inaccuracy(term.effect, entry, values, axis))
-            figures[key] = Parameter(values[key], sigma, unit_on(axis, entry.parameter.unit))
+            figures[key] = Parameter(values[key], sigma, axis.unit_of(entry.parameter.unit))
         probability, others = result.probability(term.name)
         gives_back, interval = held_out.given_back(axis.name, index)
         limits.append(_largest_probability(result, term, figures, interval))

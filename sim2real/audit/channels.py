@@ -36,7 +36,6 @@ from sim2real.audit.signal_checks import (
     note,
     scale_finding,
 )
-from sim2real.axis_units import unit_on
 from sim2real.findings import ChannelFinding
 from sim2real.gap import number_periods, prepare_replay, run_by_model
 from stagedata import Recording
@@ -186,9 +185,9 @@ def _check_force_units(recording: Recording, settings: StageSettings) -> list[Ch
         names = {per_mille: "1/1000 of the rated force", per_mille / 10: "% of the rated force"}
         unit = match_unit(factor, names, 0.3)
         if unit is not None:
-            name = names.get(abs(unit), f"units of {1 / abs(unit):g} {unit_on(axis, 'N')}")
+            name = names.get(abs(unit), f"units of {1 / abs(unit):g} {axis.unit_of('N')}")
             sign = " with the wrong sign" if unit < 0 else ""
-            words = f"is in {name}{sign}, not in {unit_on(axis, 'newtons')}"
+            words = f"is in {name}{sign}, not in {axis.unit_of('newtons')}"
             found.append(note(axis.name, "force_actual", "units", unit, words))
     return found
 
@@ -249,7 +248,7 @@ class _Corrected:
             axis: of the machine file.
             expected: what the law leaves on the model's own noisy run, rms [N].
         """
-        law, name, unit = self.law(axis), axis.name, unit_on(axis, "N")
+        law, name, unit = self.law(axis), axis.name, axis.unit_of("N")
         if law.usable.sum() < _MIN_SAMPLES:
             return
         found = find_hypothesis(law, expected)
@@ -318,7 +317,7 @@ def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) 
     if found.gains == "scale":
         force /= abs(found.factors[0])
     if found.remainder > _MOST * force:
-        return f"its law leaves {found.remainder:.3g} of {force:.3g} {unit_on(axis, 'N')} rms"
+        return f"its law leaves {found.remainder:.3g} of {force:.3g} {axis.unit_of('N')} rms"
     if found.gains == "scale":
         return None
     control = axis.control

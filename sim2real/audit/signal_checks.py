@@ -12,7 +12,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil_sim.settings import AxisSettings
-from sim2real.axis_units import unit_on
 from sim2real.findings import SIGNALS, ChannelFinding
 from sim2real.gap import coarse_steps, number_periods, stated_step
 from sim2real.phases import REST, split_phases
@@ -100,7 +99,7 @@ def check_constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFind
     for channel, unit in (("position_actual", "m"), ("force_actual", "N")):
         values = getattr(signals, channel)[signals.valid]
         if np.ptp(values) == 0.0:
-            value, own = float(values[0]), unit_on(axis, unit)
+            value, own = float(values[0]), axis.unit_of(unit)
             words = f"is constant at {value:.4g} {own}"
             found.append(note(axis.name, channel, "constant", value, words, own))
     return found
@@ -112,7 +111,7 @@ def check_demand_units(signals: AxisSignals, axis: AxisSettings) -> list[Channel
     largest = float(np.abs(signals.position_demand).max())
     for factor in (1e3, 1e6, 1e9):
         if largest > 2.0 * reach and largest / factor <= 1.2 * reach:
-            words = f"is in {_names(axis)[factor]}, not in {unit_on(axis, 'metres')}"
+            words = f"is in {_names(axis)[factor]}, not in {axis.unit_of('metres')}"
             return [note(axis.name, "position_demand", "units", factor, words)]
     return []
 
@@ -133,8 +132,8 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     counts = 1.0 / axis.increment
     unit = match_unit(rough, {counts: "counts"})
     if unit is not None:
-        other = "counts" if unit == counts else f"units of {1 / unit:g} {unit_on(axis, 'm')}"
-        words = f"is in {_names(axis).get(unit, other)}, not in {unit_on(axis, 'metres')}"
+        other = "counts" if unit == counts else f"units of {1 / unit:g} {axis.unit_of('m')}"
+        words = f"is in {_names(axis).get(unit, other)}, not in {axis.unit_of('metres')}"
         return [note(axis.name, "position_actual", "units", unit, words)]
     if abs(rough + 1.0) < _CLOSE:
         return [note(axis.name, "position_actual", "sign", -1.0, "has the wrong sign")]
@@ -149,10 +148,8 @@ def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> l
     if abs(slope - 1.0) > max(_SCALE, _CERTAIN * off_scale):
         found.append(scale_finding(axis, slope))
     if axis.control.ki > 0 and abs(offset) > max(_OFFSET, _CERTAIN * off_place):
-        words = f"is off by {offset * 1e6:.3g} {unit_on(axis, 'µm')}"
-        found.append(
-            note(axis.name, "position_actual", "offset", offset, words, unit_on(axis, "m"))
-        )
+        words = f"is off by {offset * 1e6:.3g} {axis.unit_of('µm')}"
+        found.append(note(axis.name, "position_actual", "offset", offset, words, axis.unit_of("m")))
     return found
 
 
@@ -225,7 +222,7 @@ def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[Channel
     found = []
     for signal, grid in coarse_steps(signals, axis).items():
         channel, step = f"{signal}_actual", stated_step(axis, signal)
-        unit = unit_on(axis, SIGNALS[signal])
+        unit = axis.unit_of(SIGNALS[signal])
         words = f"comes in steps of {grid:.3g} {unit}, not {step:.3g}"
         found.append(note(axis.name, channel, "quantisation", grid, words, unit))
     return found
@@ -252,7 +249,7 @@ def check_saturation(
         full = signals.valid & usable & (force >= limit - 0.6 * unit) & wanted
         if full.sum() < _PLATEAU or (force[wanted & usable] < 0.9 * limit).any():
             return []
-    duty, newtons = float(full.sum() / signals.valid.sum()), unit_on(axis, "N")
+    duty, newtons = float(full.sum() / signals.valid.sum()), axis.unit_of("N")
     text = (
         f"{axis.name}: the force is at its limit of {limit:.3g} {newtons} in {100 * duty:.2g} % of "
         f"the samples (peak_force {peak:g} {newtons})"

@@ -16,7 +16,6 @@ import numpy as np
 from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
-from sim2real.axis_units import unit_on
 from sim2real.diagnosis.examination import Examination, Progress
 from sim2real.findings import FittedFigure, Unlisted
 from sim2real.fitting import (
@@ -218,6 +217,6 @@ def fitted_figures(
             value = plant_figure(with_base(search.axis, base), figure)
             relative = math.sqrt(max(float(search.covariance()[at, at]), 0.0)) * search.spread[at]
             sigma = float(relative / (1.0 + base[at]) * value)
-            unit = unit_on(search.axis, FIGURES[figure])
+            unit = search.axis.unit_of(FIGURES[figure])
             figures.append(FittedFigure(name, figure, value, sigma, unit))
     return tuple(figures)

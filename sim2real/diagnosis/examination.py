@@ -21,7 +21,6 @@ from sim2real.audit import (
     mark_applied,
     repair_samples,
 )
-from sim2real.axis_units import unit_on
 from sim2real.diagnosis.clock import Clock, find_common_clock
 from sim2real.diagnosis.motion_channels import audit_motion
 from sim2real.findings import (
@@ -334,7 +333,7 @@ def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
         return f"{count * settings.sync_period:.3g} s long: at least {SHORTEST:g} s are needed"
     if settings.sync_period > _SLOWEST_MOTION:
         return f"samples are {settings.sync_period:.3g} s apart: accelerations are shorter"
-    units = {axis.name: unit_on(axis, "N") for axis in settings.axes}
+    units = {axis.name: axis.unit_of("N") for axis in settings.axes}
     for name, axis in recording.axes.items():
         if "force_actual" in axis.missing:
             return (

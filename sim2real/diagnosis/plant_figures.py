@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.attribution import AxisResult
-from sim2real.axis_units import unit_on
 from sim2real.findings import FigureChange
 from sim2real.fitting import (
     BASE,
@@ -130,7 +129,7 @@ def _change(result: AxisResult, j: int, base: F64, sigma: float | None) -> Figur
     alone[j] = base[j]
     key = BASE[j]
     old, new = (plant_figure(axis, key) for axis in (result.axis, with_base(result.axis, alone)))
-    unit = unit_on(result.axis, _UNITS[j])
+    unit = result.axis.unit_of(_UNITS[j])
     return FigureChange(
         result.axis.name, key, old, new, relative * abs(old), unit, sigma is not None, why
     )

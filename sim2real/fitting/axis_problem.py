@@ -212,10 +212,6 @@ class AxisProblem:
         residual = self.weighted(self.tracks)
         return Fitted(self.start, self.cost(self.start, residual), residual)
 
-    def recosted(self, fitted: Fitted) -> Fitted:
-        """The same fit with its cost under the present outliers."""
-        return replace(fitted, cost=self.cost(fitted.model, fitted.residual))
-
     def is_white(self, residual: F64) -> bool:
         """Whether what is left looks like noise."""
         return slow_energy(self.positions(residual)) < _WHITE * self._noise

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.axis_units import unit_on
 from sim2real.findings import SIGNALS, GapFigures
 from sim2real.gap.floor import DRAWS, Floor, MeanSquares, ModelRuns, RepeatCheck, RepeatScatter
 from sim2real.gap.replay import BlockEnd, Replay, Signals, prepare_replay, subtract_signals
@@ -106,7 +105,7 @@ class GapMeter:
         """The figures of all blocks."""
         return {
             axis.name: {
-                signal: GapFigures(*self._squares.rms(axis.name, signal), unit_on(axis, unit))
+                signal: GapFigures(*self._squares.rms(axis.name, signal), axis.unit_of(unit))
                 for signal, unit in SIGNALS.items()
             }
             for axis in self._settings.axes

@@ -18,7 +18,6 @@ from scipy.special import eval_legendre
 
 from hil_sim.plant import force_variants
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.axis_units import unit_on
 from sim2real.fitting import plant_figure, with_figures
 from sim2real.open_loop.motion import Motion, smooth_over
 from stagedata import F64
@@ -211,7 +210,7 @@ def _usable_mass(
     if measured and is_light:
         return max(mass, sigma)
     found = f"axis {axis.name}: the mass is unknown, and its motion"
-    size = f"{mass:.3g} ± {sigma:.2g} {unit_on(axis, 'kg')}"
+    size = f"{mass:.3g} ± {sigma:.2g} {axis.unit_of('kg')}"
     if mass < -_CERTAIN * sigma:
         raise ValueError(
             f"{found} takes a force that falls with acceleration ({size}): "

@@ -14,7 +14,6 @@ import numpy as np
 
 from hil_sim.plant import force_along, force_variants
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.axis_units import unit_on
 from sim2real.findings import GapFigures
 from sim2real.fitting import Workers
 from sim2real.free_loop import FreeLoop
@@ -68,7 +67,7 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
         drawn[name] = {"position": rest, "force": white * (floor / float(np.std(white)))}
         if moved.usable.any():
             there = rms(residual[name]["force"], moved.usable)
-            gap[name] = {"force": GapFigures(there, floor, unit_on(axis, "N"))}
+            gap[name] = {"force": GapFigures(there, floor, axis.unit_of("N"))}
     replay = Replay(
         motion.recording, tuple(names), motion.period, position, np.zeros_like(position),
         np.arange(count), (0.0,) * len(names), {name: {} for name in names}, motion.start,

@@ -15,7 +15,6 @@ import yaml
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution import Pairs
-from sim2real.axis_units import unit_on
 from sim2real.diagnosis import Examination
 from sim2real.findings import GapReport
 from sim2real.gap import Measured, Signals
@@ -146,7 +145,7 @@ def move_data(
     return {
         "axes": axes,
         "units": {
-            axis.name: {part: unit_on(axis, unit) for part, unit in _UNITS.items()}
+            axis.name: {part: axis.unit_of(unit) for part, unit in _UNITS.items()}
             for axis in settings.axes
         },
         "kinds": kinds,

@@ -14,7 +14,6 @@ import numpy as np
 from markupsafe import Markup
 
 from hil_sim.settings import AxisSettings
-from sim2real.axis_units import unit_on
 from sim2real.findings import OVER, SHOWN_AS, Unlisted
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_phases
@@ -109,8 +108,8 @@ def _panels(
     label = f"rms [{unit}]"
     panels = []
     for name, x_label in (
-        ("position", f"position [{unit_on(settings, 'mm')}]"),
-        ("velocity", f"velocity [{unit_on(settings, 'mm/s')}]"),
+        ("position", f"position [{settings.unit_of('mm')}]"),
+        ("velocity", f"velocity [{settings.unit_of('mm/s')}]"),
         ("time", "time [s]"),
     ):
         # Samples at rest pile up in one place and would hide what happens there in motion.
@@ -133,9 +132,9 @@ def curve_panel(found: Unlisted, axis: AxisSettings) -> Panel:
         np.array(part) for part in (found.curve.at, found.curve.force, found.curve.sigma)
     )
     curves = [Curve("measured", at, force, force - sigma, force + sigma)]
-    label = f"{found.over.replace('_', ' ')} [{unit_on(axis, OVER[found.over])}]"
+    label = f"{found.over.replace('_', ' ')} [{axis.unit_of(OVER[found.over])}]"
     title = f"Axis {found.axis}: force over {found.over.replace('_', ' ')}"
-    return Panel(title, Chart(curves, label, f"force [{unit_on(axis, 'N')}]"))
+    return Panel(title, Chart(curves, label, f"force [{axis.unit_of('N')}]"))
 
 
 def _by_phase(phase: F64, residuals: dict[str, F64], unit: str) -> Table:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
-from sim2real.axis_units import unit_on
 from sim2real.residuals import (
     FrequencyResponse,
     ResidualViews,
@@ -65,7 +64,7 @@ def velocity(of_axis: ResidualViews) -> Iterator[Panel | str]:
     if not of_axis.velocity:
         yield f"Axis {of_axis.axis} did not move long enough at any speed."
         return
-    units = unit_on(of_axis.settings, "mm/s"), unit_on(of_axis.settings, "N")
+    units = of_axis.settings.unit_of("mm/s"), of_axis.settings.unit_of("N")
     yield _velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds", units)
     fastest = max(float(np.abs(m.velocity).max()) for m in of_axis.velocity)
     slow = [_slower(means, _SLOW * fastest) for means in of_axis.velocity]
@@ -80,7 +79,7 @@ def plane(of_axis: ResidualViews) -> Iterator[Panel | str]:
         return
     found = of_axis.plane
     limit = round_limit(found.mean["before"])
-    length, speed, force = (unit_on(of_axis.settings, u) for u in ("mm", "mm/s", "N"))
+    length, speed, force = (of_axis.settings.unit_of(u) for u in ("mm", "mm/s", "N"))
     labels = (f"position [{length}]", f"velocity [{speed}]", force)
     for model, values in found.mean.items():
         title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
@@ -158,8 +157,8 @@ def _reversal_picture(loop: ReversalLoop, axis: AxisSettings) -> Chart:
         for b in (approach, departure):
             ends = (b.force - b.spread, b.force + b.spread) if name == "measured" else (None, None)
             curves.append(Curve(name, 1e6 * b.place, b.force, *ends))
-    position = f"position from the turning point [{unit_on(axis, 'µm')}]"
-    return Chart(curves, position, f"force [{unit_on(axis, 'N')}]")
+    position = f"position from the turning point [{axis.unit_of('µm')}]"
+    return Chart(curves, position, f"force [{axis.unit_of('N')}]")
 
 
 def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:
