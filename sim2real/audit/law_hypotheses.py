@@ -40,6 +40,8 @@ _GRIDS = {
     "drift": _DRIFTS,
 }
 """Timing -> values that are tried [s; bandwidth: Hz; drift: s/s]."""
+_SHARED = 9
+"""Ways to share a lag between dead time and current loop that are tried."""
 _FAR = 0.05
 """Longest lag of a force that is looked for, either way [s]."""
 _CLEARLY = 0.5
@@ -163,17 +165,22 @@ def _far_lag(law: ControllerLaw) -> float:
 def _fit_current_path(
     law: ControllerLaw, part: ControllerLaw, tried: list[LawHypothesis]
 ) -> LawHypothesis:
-    """Dead time and current bandwidth together: either alone may have compensated for the other."""
+    """Dead time and current bandwidth together: either alone may have compensated for the other.
+
+    The lag of both together is known best, how they share it less: that is sought first.
+    """
     alone = {s.timing: s for s in tried if s.timing in ("lag", "bandwidth")}
-    lag, bandwidth = alone["lag"], alone["bandwidth"]
-    starts = [(lag.value, law.bandwidth), (0.0, bandwidth.value)]
+    corner, stated = alone["bandwidth"].value, law.bandwidth
+    together = alone["lag"].value + _lag_of(stated)
 
     def at(of: ControllerLaw, figures: FloatArray) -> LawHypothesis:
-        lag, corner = float(figures[0]) * 1e-3, float(np.exp(figures[1]))
+        corner = float(np.exp(figures[1]))
+        lag = float(figures[0]) * 1e-3 - _lag_of(corner)
         products = _products(of, "lag", lag, corner)
         return replace(_fit_products(products, "lag", lag, ""), bandwidth=corner)
 
-    first = [np.array((dead * 1e3, np.log(corner))) for dead, corner in starts]
+    shared = np.linspace(np.log(corner), np.log(stated), _SHARED)
+    first = [np.array((together * 1e3, share)) for share in shared]
     found = minimize(
         lambda figures: at(part, figures).remainder,
         min(first, key=lambda figures: at(part, figures).remainder),
@@ -181,6 +188,11 @@ def _fit_current_path(
         options={"maxfev": 80, "xatol": 1e-4, "fatol": 1e-6},
     )
     return at(law, found.x)
+
+
+def _lag_of(bandwidth: float) -> float:
+    """Lag of a current loop of the first order [s]."""
+    return 1.0 / (2.0 * math.pi * bandwidth)
 
 
 def _simplest(tried: list[LawHypothesis], enough: float) -> LawHypothesis:

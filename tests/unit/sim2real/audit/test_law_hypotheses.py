@@ -53,8 +53,12 @@ def test_a_controller_of_another_kind_shows_in_the_remainder(stage, recorded):
     assert finding.value == pytest.approx(np.sqrt(2), rel=0.05)
 
 
-def test_the_stages_own_current_loop_is_no_fault_of_a_channel(stage, recorded):
-    slow = with_control(stage, current_bandwidth=0.15)
+@pytest.mark.parametrize(("share", "delay"), [(0.15, None), (0.125, 0.5e-3)])
+def test_the_stages_own_current_loop_is_no_fault_of_a_channel(stage, recorded, share, delay):
+    slow = with_control(stage, current_bandwidth=share)
+    if delay is not None:
+        late = replace(slow.axes[0], effects=(library()["dead_time"].at(delay=delay),))
+        slow = replace(slow, axes=(late, slow.axes[1]))
     demand = np.column_stack([a.position_demand for a in recorded.axes.values()])
     offset = np.column_stack([a.force_offset for a in recorded.axes.values()])
     response = simulate(slow, demand, offset, 3)
@@ -64,8 +68,10 @@ def test_the_stages_own_current_loop_is_no_fault_of_a_channel(stage, recorded):
     )  # fmt: skip
     found = audit_channels(replace(recorded, axes={**recorded.axes, "x": x}), stage)
     assert found.findings == ()
-    assert found.current_paths["x"].bandwidth == pytest.approx(225, rel=0.01)
-    assert found.current_paths["x"].dead_time is None
+    assert found.current_paths["x"].bandwidth == pytest.approx(1500 * share, rel=0.01)
+    assert found.current_paths["x"].dead_time == (
+        None if delay is None else pytest.approx(delay, rel=0.01)
+    )
 
 
 @pytest.mark.parametrize("figure", [{"current_bandwidth": 0.16}, {}])
