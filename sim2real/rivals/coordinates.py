@@ -243,7 +243,11 @@ def as_curve(
 
 
 def find_wave(
-    coordinate: Coordinate, found: Sequence[Course], used: Sequence[BoolArray], force: F64
+    coordinate: Coordinate,
+    found: Sequence[Course],
+    used: Sequence[BoolArray],
+    force: F64,
+    period: float,
 ) -> F64 | None:
     """Start and end [s], frequency [Hz] and its rise [Hz/s] of the wave that takes most of a force.
 
@@ -254,11 +258,11 @@ def find_wave(
         found: courses of all recordings.
         used: samples in them that have a force, bool[P] each.
         force: at these, float64[R] [N].
+        period: of these [s].
 
     Returns:
         float64[4]; None where the samples are too slow.
     """
-    period = found[0].period
     times = np.concatenate([c.quantities["time"][own] for c, own in zip(found, used, strict=True)])
     low, high = float(times.min()), float(times.max())
     extent = high - low

@@ -21,9 +21,9 @@ from hil_sim.plant import force_variants
 from sim2real.fitting import MAX_SIGMAS, STEP, AxisModel, with_figures
 from sim2real.free_loop import derivatives
 from sim2real.held_out import FOLDS
-from sim2real.open_loop import MotionLoop
+from sim2real.open_loop import Motion, MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, find_wave, nodes
-from stagedata import F64
+from stagedata import F64, BoolArray
 
 GROUPS = 2 * FOLDS
 """Groups of moves, there and back together; each belongs to one fold."""
@@ -33,6 +33,8 @@ _STRAIGHT = 0.1
 """Bend, as a share of the mean one, below which a curve counts as straight."""
 _MORE = 0.01
 """Share of the Coulomb force that is added to see what it does."""
+_PER_PERIOD = 5.0
+"""Samples per period of the force's cutoff that are compared."""
 _LITTLE = 1e-6
 """Weight of the penalty on every height, which keeps what was hardly passed at 0."""
 
@@ -113,18 +115,25 @@ class Screen:
         numbers = range(len(motions))
         forces = [(loop.respond_jointly(n, loop.axis)[1], self._friction(n)) for n in numbers]
         self._courses = courses(name, motions, forces, loop.axis.friction.relaxation_rate)
-        self._used = [motion.axes[name].usable for motion in motions]
-        counts = [int(used.sum()) for used in self._used]
-        parts = [np.repeat((False, True), count) for count in counts]
-        self._force = np.concatenate(parts)
+        usable = [motion.axes[name].usable for motion in motions]
+        self._used = [_thinned(motion, name) for motion in motions]
+        parts = [
+            (np.zeros(own.sum(), bool), kept[own])
+            for own, kept in zip(usable, self._used, strict=True)
+        ]
+        self._force = np.concatenate([part for pair in parts for part in pair])
         self._scale = [m.floor.rms[name]["force"] for m in loop.measured]
         self._block: NDArray[np.int64] = loop.move[self._force]
         self._group = loop.pair[self._block] % GROUPS
         self._start = loop.residual(loop.start)
         self._residual = self._start[self._force]
+        counts = [int(kept.sum()) for kept in self._used]
         self._floors = np.repeat(self._scale, counts)
+        share = sum(counts) / max(sum(int(own.sum()) for own in usable), 1)
+        self._coherent = max(1.0, share * loop.coherent)
         rates = [self._sampling(number) for number in range(len(motions))]
         self._beside = np.concatenate(rates)
+        self._period = motions[0].period * _apart(motions[0], name)
 
     @cached_property
     def open(self) -> Prediction:
@@ -284,7 +293,7 @@ class Screen:
             beside: residual, and figures that are fitted, too; None: those of the machine file.
         """
         beside = beside or self._plain
-        size, coherent, base = over.shape[1], self.loop.coherent, beside.figures
+        size, coherent, base = over.shape[1], self._coherent, beside.figures
         both = np.column_stack((over, base, self._beside, beside.residual))
         parts = [both[self._group == group] for group in range(GROUPS)]
         squares = [part.T @ part for part in parts]
@@ -298,31 +307,45 @@ class Screen:
         bounds = own, -MAX_SIGMAS - beside.moved, MAX_SIGMAS - beside.moved
         mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
 
-        def evaluated(penalty: F64) -> tuple[float, F64, F64]:
-            """Energy left of all groups, energies of the moves, and the prior."""
+        priors = []
+        for penalty in penalties:
             there = prior.copy()
             there[:size, :size] += mean * (penalty + _LITTLE * np.eye(size))
-            energies = np.zeros(len(self.loop.samples))
-            for group, part in enumerate(parts):
-                left = part @ np.append(_solve(total - squares[group], there, held, bounds), 1.0)
-                block = self._block[self._group == group]
-                energies += np.bincount(block, left**2, len(energies))
-            return float(energies.sum()), energies, there
-
-        energy, energies, prior = min(map(evaluated, penalties), key=lambda each: each[0])
+            priors.append(there)
+        energies = np.zeros((len(self.loop.samples), len(priors)))
+        for group, part in enumerate(parts):
+            rest = total - squares[group]
+            values = [np.append(_solve(rest, there, held, bounds), 1.0) for there in priors]
+            block = self._block[self._group == group]
+            first = np.flatnonzero(np.diff(block, prepend=-1))
+            if len(first):
+                left = (part @ np.transpose(values)) ** 2
+                energies[block[first]] = np.add.reduceat(left, first)
+        best = int(energies.sum(axis=0).argmin())
+        prior, energy = priors[best], float(energies[:, best].sum())
         inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
         noise = coherent * max(energy / max(len(over), 1), 1.0)
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
         folds = tuple(_solve(total - part, prior, held, bounds) for part in squares)
-        return Prediction(energies, _solve(total, prior, held, bounds), sigma, folds)
+        return Prediction(energies[:, best], _solve(total, prior, held, bounds), sigma, folds)
 
     def _wave(self, coordinate: Coordinate) -> F64 | None:
         """The wave over time that takes most of the force, as `find_wave`."""
         plain = np.column_stack((self._plain.figures, self._beside))
         weights = np.linalg.lstsq(plain, self._residual, rcond=None)[0]
-        return find_wave(
-            coordinate, self._courses, self._used, (self._residual - plain @ weights) * self._floors
-        )
+        force = (self._residual - plain @ weights) * self._floors
+        return find_wave(coordinate, self._courses, self._used, force, self._period)
+
+
+def _apart(motion: Motion, name: str) -> int:
+    """Samples from one to the next that is compared: a low-passed force has no more to say."""
+    return max(1, int(1.0 / (_PER_PERIOD * motion.axes[name].cutoff * motion.period)))
+
+
+def _thinned(motion: Motion, name: str) -> BoolArray:
+    """The samples of an axis whose force is compared, bool[P]."""
+    usable = motion.axes[name].usable
+    return np.asarray(usable & (np.arange(len(usable)) % _apart(motion, name) == 0))
 
 
 def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) -> F64:
