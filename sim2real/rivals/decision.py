@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim2real.findings import ForceCurve, Unlisted
-from sim2real.fitting import STEP, AxisModel, coordinates
+from sim2real.fitting import STEP, AxisModel, coordinates, is_coulomb_level
 from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
 from sim2real.rivals.screen import Curve, Linear, Prediction, Screen
@@ -29,6 +29,8 @@ _LITTLE, _MUCH = 0.02, 0.2
 which is large where few moves show the force."""
 _CLEARLY = 3.0
 """Standard errors by which several effects predict clearly better than a curve."""
+_AS_WELL = 0.5
+"""Standard errors by which a prediction may be worse and still be as good."""
 _FAINT = 0.25
 """Energy over that of noise which matters nowhere."""
 _MOST, _SHOWN = 0.5, 0.2
@@ -100,7 +102,8 @@ class Rivals:
             leaves_structure: innovations show that something is missing whichever of them is right:
                 then a name may lose nothing that is certain, however small beside the gap.
             is_complete: innovations show that nothing is missing: then several effects only have to
-                predict better than a curve by one standard error, for they have fewer figures.
+                predict as well as a curve, for they have fewer figures; better by one standard
+                error where some are levels of friction, whose course innovations do not show.
         """
         best = self.best
         if best is None:
@@ -115,7 +118,8 @@ class Rivals:
             margin = self.margin(error)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
-            clearly = 1.0 if is_complete else _CLEARLY
+            levels = any(is_coulomb_level(term, self.screen.loop.axis) for term in model.terms)
+            clearly = _CLEARLY if not is_complete else 1.0 if levels else -_AS_WELL
             if excess < -min(margin, clearly * error) or (
                 excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):

@@ -168,17 +168,25 @@ def test_a_near_shape_keeps_its_name_only_where_it_leaves_no_structure(nominal, 
     assert rivals.leave_names([one], leaves_structure=True) is (wavers > 0.0)
 
 
-@pytest.mark.parametrize(("errors", "complete"), [(0.5, False), (2.0, True), (4.0, True)])
-def test_a_complete_set_has_to_predict_better_by_one_standard_error(nominal, errors, complete):
-    """The set of a bump and a level is one curve over position, of many more figures."""
+@pytest.mark.parametrize(
+    ("first", "errors", "complete"),
+    [
+        ("coulomb_level", 0.5, False),
+        ("coulomb_level", 2.0, True),
+        ("coulomb_level", 4.0, True),
+        ("force_constant", 0.0, True),
+        ("force_constant", -1.0, False),
+    ],
+)
+def test_a_complete_set_has_to_predict_as_well_as_a_curve(nominal, first, errors, complete):
+    """It has fewer figures. A level of friction has to do more: innovations do not show it."""
     moves = 40
     swings = np.resize(WAVES, moves)
     blocks = swings.reshape(-1, 2).sum(axis=1)
     error = blocks.std(ddof=1) * np.sqrt(len(blocks))
     rivals = rivals_of(nominal, 1e4, 1e-5 * (swings - errors * error / moves))
     terms = tuple(
-        Term(library()[name], (ratio,))
-        for name, ratio in (("coulomb_level", 1.2), ("viscous_damping", 1.5))
+        Term(library()[name], (ratio,)) for name, ratio in ((first, 1.2), ("viscous_damping", 1.5))
     )
     both = AxisModel(np.zeros(NUISANCES), terms)
     assert rivals.leave_names([both], is_complete=True) is complete
