@@ -253,7 +253,8 @@ class _Left:
         """How a job ended; None where it is to be given out again.
 
         Raises:
-            _SchedulerLost: it was cancelled, which nobody but a lost connection does.
+            _SchedulerLost: it was cancelled, which nobody but a lost connection does, or the
+                connection broke while the answer was on its way.
         """
         if future.status == "cancelled":
             raise _SchedulerLost
@@ -261,10 +262,10 @@ class _Left:
             if future.status == "finished":
                 return Outcome(job, future.result(_GATHER))
             error = future.exception()  # type: ignore[no-untyped-call]
-        except CancelledError as lost:
-            raise _SchedulerLost from lost
         except (KilledWorker, TimeoutError):
             return None  # its worker died before it could pass the answer on
+        except (CancelledError, OSError) as lost:  # of the connection: the work has not failed
+            raise _SchedulerLost from lost
         if isinstance(error, CancelledError):
             raise _SchedulerLost from error
         if isinstance(error, KilledWorker):

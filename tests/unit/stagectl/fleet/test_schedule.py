@@ -4,7 +4,7 @@ import logging
 import os
 import signal
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import dask
@@ -101,6 +101,32 @@ def test_another_scheduler_gets_what_a_lost_one_has_not_finished(job):
     assert sorted(ended) == [of.url for of in jobs]
     assert len(clusters) == 2
     assert said == ["the scheduler was lost: waiting for one"]
+
+
+class Resetting:
+    """A client whose scheduler is gone when an answer is asked for, and the future of that."""
+
+    status, key = "finished", ""
+
+    def nthreads(self):
+        return {"worker": 1}
+
+    def submit(self, work, job, key, **_):
+        self.key = key
+        return self
+
+    def add_done_callback(self, call):
+        call(self)
+
+    def result(self, timeout):
+        raise ConnectionResetError(104, "Connection reset by peer")
+
+
+def test_a_scheduler_that_is_lost_with_an_answer_on_its_way_costs_no_recording(job):
+    jobs = [job("a"), job("b")]
+    connections = iter([lambda: nullcontext(Resetting()), threads])
+    ended = run(jobs, lambda: next(connections)(), done)
+    assert {name: of.done for name, of in ended.items()} == {of.url: done(of) for of in jobs}
 
 
 def test_workers_keep_no_profile_while_they_diagnose():
