@@ -6,9 +6,9 @@ two are alike. Measured, on a scheduler and workers of their own processes:
 - throughput of two workers over that of one;
 - processor time of a fleet over that of `gap diagnose`'s functions called in a loop;
 - bytes of a result, and memory of one worker after some and after all recordings;
-- with `--chaos`: a worker killed every five durations of a diagnosis, the scheduler killed once and
-  started again, the client killed once and started again, five files damaged: whether the results
-  are those of an undisturbed fleet, and none was written twice.
+- with `--chaos`: a worker killed at the first result and every five durations of a diagnosis, the
+  scheduler killed once and started again, the client killed once and started again, five files
+  damaged: whether the results are those of an undisturbed fleet, and none was written twice.
 
     python -m benchmarks.fleet.campaign [--recordings 60] [--memory 300] [--chaos]
 """
@@ -52,10 +52,10 @@ FIRST = 20
 """Recordings after which memory is compared."""
 
 
-def make_recordings(folder: Path, count: int, damaged: int = 0) -> None:
-    """Recordings of no two alike contents, some of them cut."""
+def make_recordings(folder: Path, count: int, damaged: int = 0, samples: int = PIECE) -> None:
+    """Recordings of no two alike contents, some of them cut; of some `samples` each."""
     folder.mkdir(parents=True, exist_ok=True)
-    pieces = [b for path in sorted(DATA.glob("*.h5")) for b in RecordingBlocks(path, PIECE)]
+    pieces = [b for path in sorted(DATA.glob("*.h5")) for b in RecordingBlocks(path, samples)]
     begin = datetime(2026, 1, 1, tzinfo=UTC)
     for number in range(count):
         path = folder / f"{number:04}.h5"
@@ -292,7 +292,8 @@ def run_chaos(recordings: Path, folder: Path, seed: int) -> Chaos:
                 stamp = path.stat().st_mtime_ns
                 rewritten += written.setdefault(path.name, stamp) != stamp
                 written[path.name] = stamp
-            if time.monotonic() > next_kill and (processes := on.worker_processes()):
+            due = time.monotonic() > next_kill or (written and not killed)
+            if due and (processes := on.worker_processes()):
                 os.kill(draw.choice(processes), signal.SIGKILL)
                 killed += 1
                 next_kill = time.monotonic() + EVERY * duration
