@@ -2,6 +2,7 @@
 
 They are compiled for the processor that `stagedata.compiled.kernels` chooses, and used where the
 versions of Python and numba are those of the build; elsewhere kernels are compiled on first use.
+Where NUMBA_CACHE_DIR names a folder, those that it has are taken, and the others are kept there.
 """
 
 from __future__ import annotations
@@ -17,6 +18,14 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 RUN = ("run", "inspection-20", "--simulate", "--out", "run")
 DIAGNOSE = ("gap", "diagnose", "run/recording.h5")
+PROGRAM = """
+import runpy
+import sys
+from stagedata.compiled import on_use
+with open(sys.argv.pop(1), "a") as used, on_use(lambda path: print(path, file=used)):
+    runpy.run_module("stagectl", run_name="__main__")
+"""
+"""`stagectl`, which notes the files of the kernels that it uses."""
 
 
 class WheelKernels(BuildHookInterface):
@@ -30,13 +39,14 @@ class WheelKernels(BuildHookInterface):
         folder = Path(self._folder.name)
         self._pretend_installed(folder)
         paths = os.pathsep.join((self.root, str(folder), *filter(None, sys.path)))
+        used = folder / "used"
         for command in (RUN, DIAGNOSE):
             subprocess.run(
-                [sys.executable, "-m", "stagectl", *command],
+                [sys.executable, "-c", PROGRAM, used, *command],
                 cwd=folder, check=True, stdout=subprocess.DEVNULL,
-                env=os.environ | {"NUMBA_CACHE_DIR": self._folder.name, "PYTHONPATH": paths},
+                env={"NUMBA_CACHE_DIR": str(folder), **os.environ, "PYTHONPATH": paths},
             )  # fmt: skip
-        for path in sorted(folder.rglob("*.kernel")):
+        for path in sorted(set(map(Path, used.read_text().splitlines()))):
             build_data["force_include"][str(path)] = f"stagedata/compiled/shipped/{path.name}"
         build_data["pure_python"] = False
         build_data["infer_tag"] = True

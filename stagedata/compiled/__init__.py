@@ -7,8 +7,16 @@
 Loads numba; nothing else of `stagedata` does.
 """
 
-from stagedata.compiled.cache import SHIPPED, on_compiling
+from stagedata.compiled.cache import SHIPPED, on_compiling, on_use
 from stagedata.compiled.folder import kernel_folder
 from stagedata.compiled.kernels import KernelByType, kernel, machine_code
 
-__all__ = ["SHIPPED", "KernelByType", "kernel", "kernel_folder", "machine_code", "on_compiling"]
+__all__ = [
+    "SHIPPED",
+    "KernelByType",
+    "kernel",
+    "kernel_folder",
+    "machine_code",
+    "on_compiling",
+    "on_use",
+]

@@ -54,6 +54,20 @@ def on_compiling(listener: Callable[[str], object]) -> Iterator[None]:
         _listeners.remove(listener)
 
 
+_users: list[Callable[[Path], object]] = []
+"""See `on_use`."""
+
+
+@contextmanager
+def on_use(listener: Callable[[Path], object]) -> Iterator[None]:
+    """Within it, `listener` is called with the file of each kernel that is loaded or kept."""
+    _users.append(listener)
+    try:
+        yield
+    finally:
+        _users.remove(listener)
+
+
 class KernelCache(_Cache):
     """Of one kernel, as numba asks for it.
 
@@ -89,19 +103,26 @@ class KernelCache(_Cache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The kernel for these types; None if it is not kept, and this process is to compile it."""
         name = self._file(sig, target_context.codegen())
-        found = _read_shipped(name) or kernel_folder().read(name)
+        if (found := _read_shipped(name)) is not None:
+            _tell_users(SHIPPED / name)
+            return _rebuild(found, target_context)
+        found = kernel_folder().read(name)
         if found is None:
             for listener in _listeners:
                 listener(self._name)
             self._claim = kernel_folder().lock(f"{self._name}.lock")
             found = kernel_folder().read(name)  # by now, if another process compiled it
-        return None if found is None else _rebuild(found, target_context)
+        if found is None:
+            return None
+        _tell_users(kernel_folder().path / name)
+        return _rebuild(found, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the kernel; without room or permission it is compiled again next time."""
         name = self._file(sig, data.codegen)
         with suppress(OSError):
             kernel_folder().write(name, _reduce(data))
+            _tell_users(kernel_folder().path / name)
             kernel_folder().drop(name.rpartition("-")[0], KEPT)
 
     @contextmanager
@@ -162,6 +183,11 @@ def _rebuild(data: bytes, target_context: Any) -> Any:
     if not all(llvm.address_of_symbol(name) for name in outside):
         target_context.refresh()
     return CompileResult._rebuild(target_context, *reduced)
+
+
+def _tell_users(path: Path) -> None:
+    for listener in _users:
+        listener(path)
 
 
 def _read_shipped(name: str) -> bytes | None:

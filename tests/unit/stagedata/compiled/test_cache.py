@@ -40,11 +40,14 @@ import sys
 import numpy as np
 sys.path.insert(0, ".")
 from calling import half, total
-from stagedata.compiled import on_compiling
-heard = []
-with on_compiling(heard.append):
-    half(3.0)
-print(total(np.array([1.0, 2.0])), half(3.0))
+from stagedata.compiled import kernel_folder, on_compiling, on_use
+heard, used = [], []
+with on_use(used.append):
+    with on_compiling(heard.append):
+        half(3.0)
+    print(total(np.array([1.0, 2.0])), half(3.0))
+kernels = {"calling.half", "calling.total"} if kernel_folder().problem() is None else set()
+assert {path.name.partition("-")[0] for path in used if path.is_file()} == kernels
 try:
     total(np.zeros(0))
 except ValueError as error:
