@@ -62,8 +62,9 @@ def force_of_no_name(path):
 
 
 @pytest.mark.slow
-def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, recipe, tmp_path):
-    truth = force_of_no_name(tmp_path / "truth.yaml")
+def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, tmp_path):
+    truth, recipe = force_of_no_name(tmp_path / "truth.yaml"), tmp_path / "two-rows.yaml"
+    recipe.write_text(RECIPE.replace("count: [4, 3]", "count: [5, 2]"))
     before, after, twin = tmp_path / "before", tmp_path / "after", tmp_path / "twin.yaml"
     options = ("--simulate", truth, "--no-observer", "--out")
     for command in (

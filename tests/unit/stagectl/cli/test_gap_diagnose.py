@@ -169,7 +169,7 @@ def test_what_no_effect_explains_is_a_table_of_the_twin_beside_the_figures_found
         over_place = 120.0 * np.tanh((x - 0.2) / 0.05)
         return TOOL.force(t, x, v, a) - 80.0 + over_place + 1500.0 * v * np.abs(v) * (x > 0.1)
 
-    path, twin = imported(replace(TOOL, force=odd), tmp_path)
+    path, twin = imported(replace(TOOL, force=odd, duration=30.0), tmp_path)
     report, _ = run(path, "--twin", twin, "--jobs", "1")
     assert report["verdict"] == "unexplained"
     (force,) = report["empirical"]
