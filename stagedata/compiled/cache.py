@@ -35,7 +35,7 @@ from stagedata.compiled.stamp import stamp
 SHIPPED = Path(__file__).parent / "shipped"
 """Kernels that came with the installation; whoever can write them can write the program, too."""
 KEPT = 4
-"""So many versions of a kernel are kept, for who goes back and forth between them."""
+"""So many versions of a kernel, those used last, for who goes back and forth between them."""
 
 _listeners: list[Callable[[str], object]] = []
 """See `on_compiling`."""

@@ -62,6 +62,8 @@ class KernelFolder:
         try:
             with self._opened() as folder, self._file(name, os.O_RDONLY, folder) as file:
                 content = file.read()
+                with suppress(OSError):  # another user's; `drop` goes by when it was used
+                    os.utime(file.fileno())
         except Refused as error:
             return _refuse(str(error))
         except OSError:
@@ -102,11 +104,11 @@ class KernelFolder:
         return file
 
     def drop(self, kernel: str, kept: int = 0) -> None:
-        """Remove all but the newest files of a kernel."""
+        """Remove all files of a kernel but those that were used last."""
         if self.problem() is None:
             files = self.path.glob(f"{kernel}-*.kernel")
-            by_age = sorted(files, key=lambda path: path.lstat().st_mtime, reverse=True)
-            for path in by_age[kept:]:
+            by_use = sorted(files, key=lambda path: path.lstat().st_mtime, reverse=True)
+            for path in by_use[kept:]:
                 path.unlink(missing_ok=True)
 
     @contextmanager

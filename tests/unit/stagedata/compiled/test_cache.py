@@ -142,10 +142,14 @@ def test_few_versions_are_kept(run, folder):
     (kept,) = (folder / "cache").rglob("calling.total-*.kernel")
     name = kept.name.rpartition("-")[0]
     for number in range(4):
-        shutil.copy(kept, kept.with_name(f"{name}-{number:032}.kernel"))
+        other = shutil.copy(kept, kept.with_name(f"{name}-{number:032}.kernel"))
+        os.utime(other, (1.5e9, 1.5e9))
+    os.utime(kept, (1e9, 1e9))  # the oldest, but in use
+    assert run() == "compiled"
     (folder / "called.py").write_text(CALLED.replace("2.0", "4.0"))
     assert run("12.0 1.5") == "compiled total"
     files = [path.name for path in (folder / "cache").rglob("*.kernel")]
     assert len([name for name in files if re.match("calling.total-", name)]) == 4
     assert len([name for name in files if re.match("calling.half-", name)]) == 1
     assert run("12.0 1.5") == "compiled", "the last one is among them"
+    assert kept.exists()
