@@ -382,8 +382,8 @@ def test_a_calibration_is_run_by_the_server(server, stagectl, tmp_path):
     assert "map 1 stored" in " ".join(made.stdout.split())
 
 
-def test_a_second_server_of_the_same_name_is_refused(server, process, tmp_path):
-    second = process("serve", "--simulate", "--name", server, "--data", tmp_path)
+def test_a_second_server_of_the_same_name_is_refused(server, stagectl, tmp_path):
+    second = stagectl("serve", "--simulate", "--name", server, "--data", tmp_path)
     assert second.returncode == 1
     assert f"a stage server '{server}' runs already" in second.stderr
 
@@ -457,10 +457,10 @@ def test_lost_drives_are_an_alarm_and_a_dead_server_stops_them(
         assert look.stdout.count('"state"') == 2
 
 
-def test_a_drive_that_goes_on_without_its_host_is_not_held(runtime, process, tmp_path):
+def test_a_drive_that_goes_on_without_its_host_is_not_held(runtime, stagectl, tmp_path):
     machine = yaml.safe_load(load_machine().text)
     machine["axes"]["y"]["drive"]["unwatched_host"] = "accept"
     (tmp_path / "m.yaml").write_text(yaml.safe_dump(machine))
-    refused = process("serve", "--machine", tmp_path / "m.yaml", "--bus", "virtual:nowhere")
+    refused = stagectl("serve", "--machine", tmp_path / "m.yaml", "--bus", "virtual:nowhere")
     assert refused.returncode == 2
     assert "unwatched_host" in refused.stderr
