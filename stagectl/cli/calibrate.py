@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,6 @@ from stagectl.cli.terminal import console_for
 
 if TYPE_CHECKING:
     from stagectl.calibration import Calibration, SiteSequence
-    from stagectl.client import Client
     from stagectl.history import Pair
     from stagectl.run import Listener, RunRequest, RunResult
 
@@ -82,11 +82,10 @@ def command(
         require_enough_sites,
         resume_calibration,
     )
-    from stagectl.cli.served import stage_for
+    from stagectl.cli.served import run_on, stage_for
     from stagectl.history import FILE_NAME, default_history
 
     with stage_for(stage, on.server, moves=not dry_run, models=True) as (believed, truth, client):
-        run = _way_to_run(client, files.resume)
         calibration = load_calibration(sites, believed)
         started = datetime.now(UTC).astimezone()
         folder = files.out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
@@ -98,7 +97,7 @@ def command(
         quiet = is_json_on_stdout(json_out)
         if not quiet:
             _announce(calibration.sequence)
-        from stagectl.run import HostSettings, RunRequest, SimulatedStage
+        from stagectl.run import HostSettings, RunRequest, SimulatedStage, execute
 
         request = RunRequest(
             calibration.recipe, believed, folder, started,
@@ -120,18 +119,8 @@ def command(
         if dry_run:
             _dry_run(request, calibration.sequence, json_out, quiet)
         else:
+            run = execute if client is None else partial(run_on, client, files.resume)
             _calibrate(request, calibration, before, run, json_out)
-
-
-def _way_to_run(client: Client | None, resume: Path | None) -> Run:
-    """What carries a run out: the stage server, or this process."""
-    from stagectl.cli.served import run_on
-    from stagectl.run import execute
-
-    if client is None:
-        return execute
-    server = client
-    return lambda asked, to: run_on(server, asked, resume, to.event, to.phase, to.stoppable)
 
 
 def _announce(sequence: SiteSequence) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -158,14 +159,15 @@ def command(
     if dry_run:
         _dry_run(request, json_out)
         return
-    if how.observer:
-        from stagectl.run import find_measurement
+    from stagectl.run import execute, find_measurement
 
-        found = find_measurement(request, how.measurement, stage.machine, how.resume, _announce)
+    if how.observer:
+        announce = partial(click.echo, err=True)
+        found = find_measurement(request, how.measurement, stage.machine, how.resume, announce)
         request = replace(request, host=replace(request.host, measurement=found))
     if request.simulated is None:
         warn_of_jitter(request.machine, request.bus)
-    _run(request, json_out)
+    _run(request, json_out, execute)
 
 
 def _run_on_server(
@@ -178,12 +180,7 @@ def _run_on_server(
     for flag, given in unfit.items():
         if given is not None:
             raise click.UsageError(f"{flag} is not for a stage server")
-    _show_run(
-        request, json_out,
-        lambda listener: run_on(
-            client, request, how.resume, listener.event, listener.phase, listener.stoppable
-        ),
-    )  # fmt: skip
+    _run(request, json_out, partial(run_on, client, how.resume))
 
 
 def _request(
@@ -232,10 +229,6 @@ def _request(
     )
 
 
-def _announce(text: str) -> None:
-    click.echo(text, err=True)
-
-
 def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:
     """The run with as many due calibration sites inserted as the budget allows."""
     from stagectl.calibration import due_now, insert_sites, load_calibration
@@ -271,14 +264,8 @@ def _dry_run(request: RunRequest, json_out: Path | None) -> None:
     show_result(outcome.as_dict(), json_out, outcome.render())
 
 
-def _run(request: RunRequest, json_out: Path | None) -> None:
-    from stagectl.run import execute
-
-    _show_run(request, json_out, lambda listener: execute(request, listener))
-
-
-def _show_run(
-    request: RunRequest, json_out: Path | None, run: Callable[[Listener], RunResult]
+def _run(
+    request: RunRequest, json_out: Path | None, run: Callable[[RunRequest, Listener], RunResult]
 ) -> None:
     """Run with a progress display, and print what the run says."""
     from stagectl.cli.outcome import render_outcome
@@ -289,7 +276,7 @@ def _show_run(
     console = console_for(json_out)
     done = 0 if request.resumed is None else request.resumed.done
     with RunProgress(console, request.recipe, tuple(request.machine.axes), done) as progress:
-        result = run(Listener(progress.phase, progress.event, stop_on_signal))
+        result = run(request, Listener(progress.phase, progress.event, stop_on_signal))
     write_json(result.summary, json_out)
     console.print(render_outcome(result, request.folder), crop=False)
     if result.error is not None:

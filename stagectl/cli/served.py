@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from stagectl.config import Machine
     from stagectl.protocol.requests import Command
     from stagectl.protocol.state import Job, Notice
-    from stagectl.run import RunRequest, RunResult
+    from stagectl.run import Listener, RunRequest, RunResult
     from stagectl.sequencer import Event
 
 _LOOK = 0.2
@@ -156,18 +156,15 @@ def do(client: Client, command: Command) -> Job:
 
 
 def run_on(
-    client: Client, request: RunRequest, resume: Path | None, show: Callable[[Event], object],
-    phase: Callable[[str], object], stoppable: Callable[[Callable[[str], None]], object],
-) -> RunResult:  # fmt: skip
+    client: Client, resume: Path | None, request: RunRequest, listener: Listener
+) -> RunResult:
     """Run a recipe on the server's stage, and wait for its files.
 
     Args:
         client: of the server.
-        request: what to run.
         resume: folder of the run that is continued, or None.
-        show: called with each event.
-        phase: called with a few words.
-        stoppable: called with the function that asks for a controlled stop.
+        request: what to run.
+        listener: is told phases and events, and how to ask for a controlled stop.
 
     Raises:
         StagectlError: the server refuses it, or ends.
@@ -195,7 +192,7 @@ def run_on(
         start=True,
     )  # fmt: skip
     reasons: list[str] = []
-    stoppable(reasons.append)
+    listener.stoppable(reasons.append)
     with by_server():
         before = client.state()
         if before.run is not None or any(e.status == "waiting" for e in before.queue):
@@ -205,7 +202,7 @@ def run_on(
         while True:
             for notice in client.notices(seen):
                 seen = notice.number
-                _show(notice, show, phase)
+                _show(notice, listener)
                 if notice.kind == "end" and notice.data.get("id") == number:
                     return _result(request.folder, notice)
             if reasons and reasons[0]:
@@ -223,13 +220,11 @@ def _anywhere(history: str | None) -> str:
     return history if is_server(history) else str(Path(history).absolute())
 
 
-def _show(notice: Notice, show: Callable[[Event], object], phase: Callable[[str], object]) -> None:
+def _show(notice: Notice, listener: Listener) -> None:
     if notice.kind == "phase":
-        phase(notice.text)
-        return
-    event = _event(notice.kind, notice.text, notice.data)
-    if event is not None:
-        show(event)
+        listener.phase(notice.text)
+    elif (event := _event(notice.kind, notice.text, notice.data)) is not None:
+        listener.event(event)
 
 
 def _event(kind: str, text: str, data: dict[str, Any]) -> Event | None:
