@@ -6,7 +6,7 @@ What it changes, and what it warns of, is one line: `Filled.note`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ _LEAST = 0.1
 """Factors nearer to 1 than this are not worth a word."""
 CSP = 8
 """Value of 0x6060 that selects csp (CiA 402)."""
+_AGAINST = "acts against the direction of positions by its profile"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,35 +52,28 @@ def fill(axis: Axis, profile: Profile | None) -> Filled:
     drive = axis.drive
     if profile is None:
         return Filled(drive)
-    given = drive.model_fields_set
-    known = {key: value for key, value in _known(axis, profile) if key not in given}
+    given, facts = drive.model_fields_set, profile.facts()
+    known = {key: value for key, value in _known(axis, facts) if key not in given}
     filled = ", ".join(f"{key}: {_shown(value)}" for key, value in known.items())
-    clauses = [*([f"fills {filled}"] if filled else []), *_warnings(profile)]
-    sign = profile.offset_sign
+    clauses = [*([f"fills {filled}"] if filled else []), *_warnings(facts)]
+    clauses += [remark.value for remark in profile.remarks]
     return Filled(
         drive.model_copy(update=known),
         f"profile {profile.family}: {'; '.join(clauses)}" if clauses else "",
-        CSP if profile.csp_mode is None else profile.csp_mode.value,
-        profile.homing_attained is None or profile.homing_attained.value,
-        "acts against the direction of positions by its profile"
-        if sign is not None and sign.value < 0
-        else "",
+        facts.get("csp_mode", CSP),
+        facts.get("homing_attained", True),
+        _AGAINST if facts.get("offset_sign", 1) < 0 else "",
     )
 
 
-def _known(axis: Axis, profile: Profile) -> Iterator[tuple[str, Any]]:
-    """Keys of a drive section, with the values that the profile knows."""
-    for key in _KEYS:
-        fact = getattr(profile, key)
-        if fact is not None:
-            yield key, fact.value
+def _known(axis: Axis, facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Keys of a drive section, with the values that a profile's facts give."""
+    yield from ((key, facts[key]) for key in _KEYS if key in facts)
     turn = _turn(axis)
-    if profile.rated_force_unit is not None and turn is not None:
-        yield "rated_force_unit", profile.rated_force_unit.value / turn
+    if "rated_force_unit" in facts and turn is not None:
+        yield "rated_force_unit", facts["rated_force_unit"] / turn
     for key in _RATES:
-        fact = getattr(profile, key)
-        size = None if fact is None else unit_size(axis, fact.value)
-        if size is not None:
+        if key in facts and (size := unit_size(axis, facts[key])) is not None:
             yield key, size
 
 
@@ -114,23 +108,20 @@ def unit_size(axis: Axis, notation: int) -> float | None:
     return None if axis.rotary else stated.size
 
 
-def _warnings(profile: Profile) -> Iterator[str]:
+def _warnings(facts: Mapping[str, Any]) -> Iterator[str]:
     """What no key can fill."""
-    if profile.csp_mode is not None and profile.csp_mode.value != CSP:
-        yield f"csp is selected by mode {profile.csp_mode.value}"
-    if profile.force_of is not None and profile.force_of.value != "rated torque":
-        yield f"forces are in 1/1000 of its {profile.force_of.value}: rated_force has to be that"
-    if profile.force_factors is not None and any(
-        abs(factor - 1.0) > _LEAST for factor in profile.force_factors.value
-    ):
-        factors = " or ".join(f"{f:.4g}" for f in profile.force_factors.value)
-        yield f"forces may have to be multiplied by {factors}: try check --move"
-    if profile.demand_delay is not None and profile.demand_delay.value >= 0.5:
-        yield f"csp follows {profile.demand_delay.value:g} SYNCs late"
-    if profile.interpolates is not None and not profile.interpolates.value:
+    if (mode := facts.get("csp_mode", CSP)) != CSP:
+        yield f"csp is selected by mode {mode}"
+    if (of := facts.get("force_of", "rated torque")) != "rated torque":
+        yield f"forces are in 1/1000 of its {of}: rated_force has to be that"
+    factors = facts.get("force_factors", ())
+    if any(abs(factor - 1.0) > _LEAST for factor in factors):
+        shown = " or ".join(f"{f:.4g}" for f in factors)
+        yield f"forces may have to be multiplied by {shown}: try check --move"
+    if (late := facts.get("demand_delay", 0.0)) >= 0.5:
+        yield f"csp follows {late:g} SYNCs late"
+    if not facts.get("interpolates", True):
         yield "csp steps from setpoint to setpoint"
-    for remark in profile.remarks:
-        yield remark.value
 
 
 def _shown(value: object) -> str:

@@ -6,7 +6,7 @@ Units are in the notation of CiA 303-2 (0x60A8 to 0x60AA), whether the drive sta
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Generic, Literal, TypeVar
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, StringConstraints
 
@@ -135,3 +135,7 @@ class Profile(Section):
     demand_delay: Fact[Annotated[float, Field(ge=-10, le=100)]] | None = None
     interpolates: Fact[bool] | None = None
     remarks: tuple[Fact[Text], ...] = ()
+
+    def facts(self) -> dict[str, Any]:
+        """What is known, by field; without remarks."""
+        return {name: fact.value for name, fact in self if isinstance(fact, Fact)}

@@ -8,13 +8,14 @@ from stagectl.config.machine import Axis, Drive
 from stagectl.config.profiles import Profile
 
 if TYPE_CHECKING:
-    from hil_sim.habits import Habits, Values
+    from hil_sim.habits import Habits
 
 MODES = {"pp": 1, "pv": 3, "hm": 6, "csp": 8, "csv": 9, "cst": 10}
 """Modes of operation by their names in files."""
-_CLAIMED, _MAPPABLE = 0x6502_00, ((0x60B2_00, "offset_bits"), (0x6077_00, "force_bits"))
-_NOTATIONS = ((0x60A8_00, "position_unit"), (0x60A9_00, "velocity_unit"))
-_SHARED = ("long_answers", "homing_attained", "in_sync", "interpolates", "pdo_entries", "tpdos")
+_MAPPABLE = ((0x60B2_00, "offset_bits"), (0x6077_00, "force_bits"))
+_STATED = ((0x6502_00, "modes_claimed"), (0x60A8_00, "position_unit"), (0x60A9_00, "velocity_unit"))
+_SHARED = ("absent", "only", "long_answers", "homing_attained", "in_sync", "interpolates",
+           "pdo_entries", "tpdos")  # fmt: skip
 """Facts that are a habit by the same name."""
 
 
@@ -28,31 +29,16 @@ def habits_of(profile: Profile, axis: Axis, drive: Drive) -> Habits:
     """
     from hil_sim import habits
 
-    shared = {name: getattr(profile, name) for name in _SHARED}
-    csp = profile.csp_mode.value if profile.csp_mode else habits.CSP
-    modes = [MODES[name] for name in profile.modes.value] if profile.modes else []
+    facts = profile.facts()
+    csp = facts.get("csp_mode", habits.CSP)
+    modes = [MODES[name] for name in facts.get("modes", ())]
+    stated = {k: facts[name] for k, name in _STATED if name in facts}
     return habits.Habits(
-        absent=profile.absent.value if profile.absent else (),
-        values=_values(profile),
-        only=profile.only.value if profile.only else (),
+        values=tuple({**dict(facts.get("values", ())), **stated}.items()),
         modes=tuple(csp if mode == habits.CSP else mode for mode in modes),
         csp_mode=csp,
         rated_force_unit=drive.rated_force_unit,
-        force_factor=max(profile.force_factors.value) if profile.force_factors else 1.0,
-        wide=tuple(
-            k for k, name in _MAPPABLE if (fact := getattr(profile, name)) and fact.value == 32
-        ),
-        **{name: fact.value for name, fact in shared.items() if fact is not None},
+        force_factor=max(facts.get("force_factors", (1.0,))),
+        wide=tuple(k for k, name in _MAPPABLE if facts.get(name) == 32),
+        **{name: facts[name] for name in _SHARED if name in facts},
     )
-
-
-def _values(profile: Profile) -> Values:
-    """Values after power-on: modes claimed, units stated, and others that are known."""
-    found = dict(profile.values.value) if profile.values else {}
-    if profile.modes_claimed:
-        found[_CLAIMED] = profile.modes_claimed.value
-    for k, name in _NOTATIONS:
-        fact = getattr(profile, name)
-        if fact is not None:
-            found[k] = fact.value
-    return tuple(found.items())
