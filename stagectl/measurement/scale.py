@@ -6,7 +6,6 @@ those that were not.
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from datetime import datetime
@@ -18,11 +17,9 @@ from drivers import Stage
 from drivers.drive import Axis, Mode
 from drivers.errors import ConfigurationError
 from stagectl.config.machine import Machine
-from stagectl.errors import UnusableInput
-from stagectl.store.atomic import write_atomically
+from stagectl.store.axis_notes import AxisNotes
 from stagedata import F64
 
-FORMAT, VERSION = "stagectl-checked", 1
 DISTANCE = 1e-4
 """Of the move [m]."""
 _SPEEDS = (5e-4, 2e-4)
@@ -160,14 +157,10 @@ def note_checked(machine: Machine, axis: str, moment: datetime) -> Path | None:
     Raises:
         StagectlError: it cannot be written.
     """
-    path = _note(machine)
-    if path is None:
-        return None
-    axes = _noted(path)
-    axes[axis] = {"checked": moment.isoformat(timespec="seconds"), **_units(machine, axis)}
-    content = {"format": FORMAT, "version": VERSION, "axes": axes}
-    write_atomically(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n", "note")
-    return path
+    notes = _notes(machine)
+    checked = moment.isoformat(timespec="seconds")
+    notes.add({axis: {"checked": checked, **_units(machine, axis)}})
+    return notes.path
 
 
 def never_checked(machine: Machine) -> str | None:
@@ -176,9 +169,8 @@ def never_checked(machine: Machine) -> str | None:
     Raises:
         UnusableInput: the note is damaged.
     """
-    path = _note(machine)
-    noted = {} if path is None else _noted(path)
-    axes = [name for name in machine.axes if not _agrees(noted.get(name), _units(machine, name))]
+    noted = _notes(machine).read(dict)
+    axes = [x for x in machine.axes if not _units(machine, x).items() <= noted.get(x, {}).items()]
     if not axes:
         return None
     nodes = "; ".join(f"stagectl check {machine.axes[name].node} --move" for name in axes)
@@ -188,28 +180,11 @@ def never_checked(machine: Machine) -> str | None:
     )
 
 
-def _agrees(noted: object, units: dict[str, object]) -> bool:
-    return isinstance(noted, dict) and units.items() <= noted.items()
-
-
 def _units(machine: Machine, axis: str) -> dict[str, object]:
     drive = machine.axes[axis].drive
     units: dict[str, object] = {name: getattr(drive, name) for name in _UNITS}
     return {**units, "increment": machine.axes[axis].encoder.increment}
 
 
-def _note(machine: Machine) -> Path | None:
-    source = Path(machine.source)
-    return source.with_name(source.stem + ".checked.json") if source.is_file() else None
-
-
-def _noted(path: Path) -> dict[str, object]:
-    if not path.exists():
-        return {}
-    try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        if (kept["format"], kept["version"]) != (FORMAT, VERSION):
-            raise ValueError(f"is not {FORMAT}, version {VERSION}")
-        return dict(kept["axes"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UnusableInput(f"{path}: damaged ({type(error).__name__}: {error})") from None
+def _notes(machine: Machine) -> AxisNotes:
+    return AxisNotes(machine.source, "checked")

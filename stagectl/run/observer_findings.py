@@ -6,18 +6,12 @@ beside the machine file says so. A run on the virtual stage starts afresh.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from datetime import datetime
-from pathlib import Path
 
 from estimation.observer import Finding, Kind
 from stagectl.config.machine import Machine
-from stagectl.errors import UnusableInput
-from stagectl.store.atomic import write_atomically
-
-FORMAT, VERSION = "stagectl-observer-out", 1
-_SUFFIX = ".observer-out.json"
+from stagectl.store.axis_notes import AxisNotes
 
 
 def describe(axis: str, found: Finding) -> str:
@@ -66,12 +60,6 @@ def _length(metres: float) -> str:
     return f"{metres * 1e6:.3g} µm" if metres >= 1e-6 else f"{metres * 1e9:.0f} nm"
 
 
-def kept_in(machine: Machine) -> Path | None:
-    """The file of a machine's observers that are out; None where the machine file is no file."""
-    source = Path(machine.source)
-    return source.with_name(source.stem + _SUFFIX) if source.is_file() else None
-
-
 def read_out(machine: Machine, measured: str | None = None) -> dict[str, str]:
     """Axes whose observers are out since an earlier run, and why.
 
@@ -82,21 +70,13 @@ def read_out(machine: Machine, measured: str | None = None) -> dict[str, str]:
     Raises:
         UnusableInput: the file is damaged.
     """
-    path = kept_in(machine)
-    if path is None or not path.exists():
-        return {}
-    try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        if (kept["format"], kept["version"]) != (FORMAT, VERSION):
-            raise ValueError(f"is not {FORMAT}, version {VERSION}")
-        since = None if measured is None else datetime.fromisoformat(measured)
-        return {
-            str(name): f"out since {entry['since']}: {entry['reason']}"
-            for name, entry in kept["axes"].items()
-            if since is None or datetime.fromisoformat(entry["since"]) > since
-        }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UnusableInput(f"{path}: damaged ({type(error).__name__}: {error})") from None
+
+    def tell(entry: Mapping[str, str]) -> str | None:
+        since, of = entry["since"], datetime.fromisoformat
+        counts = measured is None or of(since) > of(measured)
+        return f"out since {since}: {entry['reason']}" if counts else None
+
+    return {name: why for name, why in _notes(machine).read(tell).items() if why is not None}
 
 
 def keep_out(machine: Machine, reasons: Mapping[str, str], since: datetime) -> str:
@@ -110,17 +90,16 @@ def keep_out(machine: Machine, reasons: Mapping[str, str], since: datetime) -> s
     Raises:
         StagectlError: the file cannot be written.
     """
-    path = kept_in(machine)
-    if path is None:
+    notes = _notes(machine)
+    if notes.path is None:
         return "the next run tries the observer again: there is no machine file to note it beside"
-    axes = {}
-    if path.exists():
-        axes = json.loads(path.read_text(encoding="utf-8"))["axes"]
-    for name, reason in reasons.items():
-        axes[name] = {"since": since.isoformat(timespec="seconds"), "reason": reason}
-    content = {"format": FORMAT, "version": VERSION, "axes": axes}
-    write_atomically(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n", "note")
+    start = since.isoformat(timespec="seconds")
+    notes.add({name: {"since": start, "reason": reason} for name, reason in reasons.items()})
     return (
-        f"later runs do without the observer of {', '.join(axes)} ({path.name}) until the stage is "
-        "measured: stagectl observer --measure"
+        f"later runs do without the observer of {', '.join(notes.read(dict))} ({notes.path.name}) "
+        "until the stage is measured: stagectl observer --measure"
     )
+
+
+def _notes(machine: Machine) -> AxisNotes:
+    return AxisNotes(machine.source, "observer-out")
