@@ -77,7 +77,6 @@ class Status(IntFlag):
     INTERNAL_LIMIT = 0x0800
     SETPOINT_ACKNOWLEDGED = 0x1000  # pp
     HOMING_ATTAINED = 0x1000  # hm
-    FOLLOWS_COMMAND = 0x1000  # csp
     FOLLOWING_ERROR = 0x2000  # pp, csp
     HOMING_ERROR = 0x2000  # hm
 

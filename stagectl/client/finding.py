@@ -10,11 +10,10 @@ from stagectl.client.base import NoServer
 from stagectl.protocol.endpoint import Endpoint, endpoint, name_of_bus, runtime_folder
 
 
-def server_names(folder: Path | None = None) -> list[str]:
+def server_names() -> list[str]:
     """Names of the servers that run, of this user or of one that lets this user in."""
-    where = folder or runtime_folder()
     try:
-        found = sorted(path for path in where.iterdir() if path.suffix == ".lock")
+        found = sorted(path for path in runtime_folder().iterdir() if path.suffix == ".lock")
     except OSError:
         return []
     return [path.stem for path in found if _is_locked(path)]

@@ -65,7 +65,7 @@ def runtime_folder() -> Path:
     return own if own.is_dir() or os.access("/run", os.W_OK) else Path("/tmp") / name  # noqa: S108
 
 
-def endpoint(name: str, folder: Path | None = None) -> Endpoint:
+def endpoint(name: str) -> Endpoint:
     """The endpoint of a server of this name.
 
     Raises:
@@ -73,7 +73,7 @@ def endpoint(name: str, folder: Path | None = None) -> Endpoint:
     """
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
         raise UnusableInput(f"server {name!r}: letters, digits, '.', '_' and '-' only")
-    made = Endpoint(folder or runtime_folder(), name)
+    made = Endpoint(runtime_folder(), name)
     if len(os.fsencode(made.commands)) > _LONGEST:
         raise UnusableInput(f"{made.commands}: too long for a socket; set {VARIABLE}")
     return made

@@ -32,6 +32,9 @@ class Observers:
         measurement: of the stage; None where there is none.
         simulated: the stage is virtual: the measurement holds even where it has changed since.
         out: axis -> why its observer is out since an earlier run.
+
+    Attributes:
+        out: axis -> why its observer is out since this run.
     """
 
     def __init__(
@@ -47,7 +50,7 @@ class Observers:
         friction = {name: axis.estimator.friction for name, axis in self._axes.items()}
         designs = design_observers(machine, friction, self._responses())
         self._designs = {**designs, **(out or {})}
-        self._out: dict[str, str] = {}
+        self.out: dict[str, str] = {}
         self._open: dict[str, str] = {}
         compile_observer(machine)
         self._observer: StageObserver | None = None
@@ -115,16 +118,11 @@ class Observers:
                 self._open[name] = text
                 continue
             if is_out(finding):
-                self._out[name] = text
+                self.out[name] = text
                 self._axes[name].unobserve()
             found.append(events.ObserverFound(name, finding.time, is_out(finding), text))
         self._bound()
         return found
-
-    @property
-    def out(self) -> Mapping[str, str]:
-        """Axis -> why its observer is out since this run."""
-        return self._out
 
     def _bound(self) -> None:
         """Bound each correction by what friction may be."""

@@ -84,7 +84,7 @@ class Mover:
         places: Places | None = None,
     ) -> None:
         self.move: Move | None = None
-        self._axes, self._period = tuple(axes), period
+        self._stage, self._axes, self._period = stage, tuple(axes), period
         windows = [axis.following_error for axis in axes]
         self._streamer = Streamer(stage, [axis.name for axis in axes], windows, period, stop)
         self._friction = PathFriction([axis.compensation for axis in axes], places, period)
@@ -94,7 +94,7 @@ class Mover:
 
     def _reset(self) -> None:
         """The state after enabling: at rest, no force offset."""
-        self.target: F64 = np.array(self._streamer.targets, dtype=np.float64)
+        self.target: F64 = np.array(self._stage.targets, dtype=np.float64)
         self._offset: F64 = np.zeros(len(self._axes))
 
     def restart(self, samples: int) -> Move | None:
@@ -162,7 +162,7 @@ class Mover:
         motions = self._friction.begin(place, motion, demand, self.time)
         offset = self._force_offsets(motions)
         announce(self._begin(kind, target, count, site))
-        if not self._streamer.follows:
+        if not self._stage.streams:
             return self._move_by_profile(target, limits, count)
         done = self._stream_and_revise(motions, demand, offset)
         self._offset = offset[done - 1]
@@ -185,7 +185,7 @@ class Mover:
         """
         before = self.samples
         if not self._streamer.stream_to(target, limits):
-            self.target = np.array(self._streamer.targets, dtype=np.float64)
+            self.target = np.array(self._stage.targets, dtype=np.float64)
             return False
         self._reset()
         left = max(0, count - (self.samples - before))

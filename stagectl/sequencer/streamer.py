@@ -85,11 +85,6 @@ class Streamer:
         self._planned: list[F64] = []
 
     @property
-    def targets(self) -> tuple[float, ...]:
-        """Target positions sent last [m]."""
-        return self._stage.targets
-
-    @property
     def time(self) -> float:
         """Time of the next SYNC if it is punctual [s]."""
         return float(self._latest.time[-1]) + self._period if len(self._latest) else 0.0
@@ -132,11 +127,6 @@ class Streamer:
         if until is None:
             return self._send(demand, offset, lambda _: stop())
         return self._send(demand, offset, lambda position: until(position) or stop())
-
-    @property
-    def follows(self) -> bool:
-        """Whether the drives follow setpoints; else they move by their own profiles."""
-        return self._stage.streams
 
     def stream_to(self, targets: Sequence[float], limits: Sequence[Limits]) -> bool:
         """Move all axes to their targets by their drives' own profiles, and keep the samples.

@@ -25,7 +25,7 @@ from stagectl.config.machine import Machine
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import default_history
 from stagectl.protocol.requests import QueueAdd
-from stagectl.protocol.state import QueueEntry, RunLimits, RunState
+from stagectl.protocol.state import RunLimits, RunState
 from stagectl.recipe import Recipe, count_segments, parse_recipe
 from stagectl.recipe.plan import MoveStep, plan_from
 from stagectl.run import (
@@ -151,17 +151,12 @@ class Active:
     stop: Callable[[str], None] | None = None
     error: StagectlError | None = None
 
-    @property
-    def entry(self) -> QueueEntry:
-        """Its entry as it was when it began."""
-        return self.stored.entry
-
     def state(self) -> RunState:
         """As published."""
         p, now = self.progress, time.time()
         return RunState(
-            entry=self.entry.id,
-            recipe=self.entry.recipe,
+            entry=self.stored.entry.id,
+            recipe=self.stored.entry.recipe,
             folder=str(self.folder),
             phase=self.stage if p is None or self.stage != "running" else p.phase,
             sites=() if p is None else tuple(p.recipe.sites),
@@ -289,7 +284,7 @@ class Runner:
             self._finish(active)
             return
         active.stage = "running"
-        what = f"running {active.entry.recipe}"
+        what = f"running {active.stored.entry.recipe}"
         self.begin(what, lambda stage: session.operate(HeldStage(stage)))
 
     def operated(self, error: BaseException | None) -> None:
@@ -305,7 +300,7 @@ class Runner:
 
     def _finish(self, active: Active) -> None:
         active.stage = "finishing"
-        self.queue.update(active.entry.id, status="finishing")
+        self.queue.update(active.stored.entry.id, status="finishing")
         self._in_thread(self._make_files, active)
 
     def _make_files(self, active: Active) -> None:
@@ -322,14 +317,14 @@ class Runner:
         reason = problem if error is None else " ".join(str(error).split())
         verdict = read_verdict(active.folder)
         self.queue.update(
-            active.entry.id, status="done", outcome=outcome, reason=reason, verdict=verdict
+            active.stored.entry.id, status="done", outcome=outcome, reason=reason, verdict=verdict
         )
         if outcome != "completed":
             self.queue.runs = False
         self.active = None
-        text = f"{active.entry.recipe}: {outcome}" + (f": {reason}" if reason else "")
+        text = f"{active.stored.entry.recipe}: {outcome}" + (f": {reason}" if reason else "")
         about = {
-            "id": active.entry.id, "outcome": outcome, "reason": reason, "verdict": verdict,
+            "id": active.stored.entry.id, "outcome": outcome, "reason": reason, "verdict": verdict,
             "folder": str(active.folder),
         }  # fmt: skip
         self.say("end", text, about)

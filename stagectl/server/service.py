@@ -245,7 +245,7 @@ class Service:
         self.require_stage()
         active = self.runner.active
         if active is not None and active.stage != "finishing":
-            raise RefusedError("busy", f"busy: {active.stage} {active.entry.recipe}")
+            raise RefusedError("busy", f"busy: {active.stage} {active.stored.entry.recipe}")
         if self.job is not None:
             raise RefusedError("busy", f"busy: {self.keeper.what}")
 

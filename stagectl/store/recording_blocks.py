@@ -53,6 +53,7 @@ class RecordingBlocks:
     Attributes:
         source: the path as given.
         machine: text of the machine file.
+        samples: of all blocks together.
 
     Raises:
         UnusableInput: as `read_recording`; samples are read and checked with their block.
@@ -64,7 +65,7 @@ class RecordingBlocks:
             check_format(file)
             self.machine = hdf5.read_text(file, "machine")
             hdf5.read_floats(file, "time", part=slice(0, 0))
-            self._length = len(file["time"])
+            self.samples = len(file["time"])
             hdf5.check_unit(file, "time", "s")
             self._recipe = hdf5.read_text(file, "recipe", default="")
             self._started = hdf5.read_line(file, "started", default="")
@@ -73,18 +74,13 @@ class RecordingBlocks:
             if not self._axes:
                 raise UnusableInput("/axes: no axis")
             for name in self._axes:
-                _axis(group, name, self._length, slice(0, 0))
-            self._moves = _moves(file, self._axes, self._length)
+                _axis(group, name, self.samples, slice(0, 0))
+            self._moves = _moves(file, self._axes, self.samples)
         self._starts = [move.start for move in self._moves]
-        self._cuts = _cuts(self._length, size, self._starts)
+        self._cuts = _cuts(self.samples, size, self._starts)
 
     def __len__(self) -> int:
         return len(self._cuts) - 1
-
-    @property
-    def samples(self) -> int:
-        """Of all blocks together."""
-        return self._length
 
     def __iter__(self) -> Iterator[Recording]:
         with hdf5.open_hdf5(self.source) as file:
@@ -93,12 +89,12 @@ class RecordingBlocks:
 
     def _block(self, file: h5py.File, first: int, stop: int) -> Recording:
         joint = max(first - 1, 0)  # the sample before tells whether time goes on
-        time = hdf5.read_floats(file, "time", self._length, slice(joint, stop))
+        time = hdf5.read_floats(file, "time", self.samples, slice(joint, stop))
         if np.any(np.diff(time) <= 0):
             sample = joint + int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
         group = hdf5.open_group(file, "axes")
-        last = stop if stop < self._length else self._length + 1  # a move may begin at the very end
+        last = stop if stop < self.samples else self.samples + 1  # a move may begin at the very end
         begun = slice(bisect_left(self._starts, first), bisect_left(self._starts, last))
         return Recording(
             machine=self.machine,
@@ -106,7 +102,7 @@ class RecordingBlocks:
             started=self._started,
             time=time[first - joint :],
             axes={
-                name: _axis(group, name, self._length, slice(first, stop)) for name in self._axes
+                name: _axis(group, name, self.samples, slice(first, stop)) for name in self._axes
             },
             moves=tuple(
                 replace(move, start=move.start - first, end=min(move.end, stop) - first)
