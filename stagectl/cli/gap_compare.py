@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +14,10 @@ from stagectl.cli.gap_measure import (
     why_along_motion,
 )
 from stagectl.cli.options import JSON_OUT, RECORDING
-from stagectl.cli.terminal import ProgressUpdate, console_for, progress_bar, show_result
+from stagectl.cli.terminal import console_for, progress_bar, show_result
 from stagectl.diagnosis import machine_of
 
 if TYPE_CHECKING:
-    from hil_sim.settings import StageSettings
     from sim2real.gap import Gap
     from stagectl.config import Machine
     from stagectl.report import Section
@@ -53,7 +51,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
       stagectl gap compare runs/BEFORE runs/AFTER
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from sim2real.findings import FORMAT, VERSION, gap_json
-    from sim2real.gap import gap_closed
+    from sim2real.gap import gap_closed, pool_gaps
     from stagectl.config import stage_settings
     from stagectl.report import print_sections
     from stagectl.report.gap import gap_section
@@ -69,11 +67,13 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     recorded = {str(path): RecordingBlocks(path) for path in paths}
     console = console_for(json_out)
     reason = why_along_motion(list(recorded.values()), machines)
+    gaps: list[list[tuple[Gap, int]]] = [[], []]
     with progress_bar(console, "simulating") as update:
-        before, after = (
-            _pooled_gap(list(recorded.values()), model, reason is not None, update)
-            for model in settings
-        )
+        for found, model in zip(gaps, settings, strict=True):
+            for r in recorded.values():
+                own = gap_along_motion(r, model) if reason else measured_gap(r, model, update).gap()
+                found.append((own, r.samples))
+    before, after = map(pool_gaps, gaps)
     share = gap_closed(before, after)
     settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
     both: Gap = {
@@ -93,27 +93,9 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
         "settling": _settling_json(settled),
     }
     title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
-    facts = [closed_line(share)]
-    if reason:
-        facts.append(f"{reason}: forces along the measured motion.")
-    gap = gap_section(both, title, "A", "B", repeats=facts)
+    how = [f"{reason}: forces along the measured motion."] if reason else []
+    gap = gap_section(both, title, "A", "B", repeats=[closed_line(share), *how])
     show_result(report, json_out, print_sections([gap, _settling_section(settled)]))
-
-
-def _pooled_gap(
-    recorded: Sequence[RecordingBlocks],
-    model: StageSettings,
-    along_motion: bool,
-    update: ProgressUpdate,
-) -> Gap:
-    """The gap of a model on several recordings, in the closed loop or along their motion."""
-    from sim2real.gap import pool_gaps
-
-    gaps = [
-        gap_along_motion(r, model) if along_motion else measured_gap(r, model, update).gap()
-        for r in recorded
-    ]
-    return pool_gaps([(gap, r.samples) for gap, r in zip(gaps, recorded, strict=True)])
 
 
 def closed_line(share: float | None) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.errors import Aborted, StagectlError, UnusableInput
+from stagectl.errors import Aborted, RunFault, StagectlError, UnusableInput
 
 if TYPE_CHECKING:
     from stagectl.cli.stage_options import StageOptions
@@ -257,7 +257,7 @@ def _result(folder: Path, end: Notice) -> RunResult:
     from stagectl.store import RECORDING_NAME, read_recording
 
     outcome, reason = end.data["outcome"], end.data["reason"]
-    errors: dict[str, Callable[[str], StagectlError]] = {"aborted": Aborted, "fault": _fault}
+    errors: dict[str, Callable[[str], StagectlError]] = {"aborted": Aborted, "fault": RunFault}
     error = errors[outcome](reason) if outcome in errors else None
     path = folder / "summary.json"
     if not path.exists():
@@ -271,9 +271,3 @@ def _result(folder: Path, end: Notice) -> RunResult:
         {},
         site_verdicts(summary),
     )
-
-
-def _fault(reason: str) -> StagectlError:
-    from stagectl.errors import RunFault
-
-    return RunFault(reason)

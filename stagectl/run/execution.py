@@ -62,12 +62,8 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
     if substitutes is None:
         file_earlier_runs(request, listener.phase)
     found, compensation = prepare(request, listener.phase, substitutes)
-    simulated = (
-        virtual_stage(request, found.truth, found.bus, listener)
-        if substitutes is None
-        else nullcontext((found.bus, ()))
-    )
-    with simulated as (used, injected):
+    truth = found.truth if substitutes is None else None
+    with virtual_stage(request, truth, found.bus, listener) as (used, injected):
         listener.phase(f"opening {used}")
         with _open_bus(used, substitutes) as opened:
             _prepare_files(request, listener)

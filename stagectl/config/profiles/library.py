@@ -76,7 +76,9 @@ def profile_of(machine: Machine, name: str, eds: Path | None) -> Profile | None:
     axis = machine.axes[name]
     own = None if eds is None else _identity(eds)
     if axis.drive.profile is None:
-        return None if own is None else _by_identity(machine, own)
+        if own is None:
+            return None
+        return next((p for p in _candidates(machine) if _agree(_key(p), own)), None)
     found = _named(machine, name, axis)
     wanted = _key(found)
     if wanted is not None and own is not None and not _agree(wanted, own):
@@ -94,10 +96,6 @@ def _named(machine: Machine, name: str, axis: Axis) -> Profile:
     except ConfigError as error:
         where = ("axes", name, "drive", "profile")
         raise ConfigError(machine.document.problem(where, str(error))) from None
-
-
-def _by_identity(machine: Machine, own: Key) -> Profile | None:
-    return next((p for p in _candidates(machine) if _agree(_key(p), own)), None)
 
 
 def _candidates(machine: Machine) -> Iterator[Profile]:

@@ -124,7 +124,8 @@ def _interrupted(
     """Where and why the run ended early, and what to type; None where it did not."""
     if notes.outcome == "completed" or "stretches" not in run:
         return None
-    done = max(_done(notes, resumed), default=0)
+    before = 0 if resumed is None else resumed.done
+    done = max((int(e["number"]) for e in notes.all("done")), default=before)
     return {
         "reason": notes.fault or notes.last("end").get("reason") or "the process was killed",
         "unit": run["unit"],
@@ -138,12 +139,6 @@ def _interrupted(
 def _picked(notes: RunNotes, event: str, *keys: str) -> list[dict[str, Any]] | None:
     """These keys of all events of a name; None where there are none."""
     return [{key: e[key] for key in keys} for e in notes.all(event)] or None
-
-
-def _done(notes: RunNotes, resumed: Resumed | None) -> list[int]:
-    """Numbers of the completed segments; of those before a resumed run only the last."""
-    done = [int(e["number"]) for e in notes.all("done")]
-    return [*([] if resumed is None else [resumed.done]), *done]
 
 
 def _is_begun(notes: RunNotes, recording: Recording) -> bool:
