@@ -22,7 +22,6 @@ from hil_sim.cia301 import (
 from hil_sim.cia301 import emergency as emcy
 from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
-from hil_sim.habits import Habits
 from hil_sim.habitual_objects import adopt, guard
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, PlantPort
@@ -49,7 +48,7 @@ class Drive:
         settings = stage.axes[axis]
         self.node_id = settings.node
         self.dictionary = Dictionary(self.node_id, o.axis_parameters(settings))
-        habits = settings.habits or Habits()
+        habits = settings.habits
         adopt(self.dictionary, habits)
         self.motor = Motor(plant, axis, stage)
         self._odd = None if settings.quirks is None else OddPosition(settings.quirks)

@@ -5,7 +5,7 @@ Values and meaning: docs/reference/reference-stage.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Protocol
 
 from annotated_types import Interval
@@ -108,7 +108,7 @@ class AxisSettings:
         unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
             m/s^2]; jerk is in acceleration units per second.
         quirks: of the drive, on the bus; None: none.
-        habits: in which the drive differs from CiA 301 and 402; None: in none.
+        habits: in which the drive differs from CiA 301 and 402.
         encoder_on_load: it is on the part that the first effect `resonance` hangs on.
         rotary: it turns: rad for m, N m for N and kg m^2 for kg.
     """
@@ -132,7 +132,7 @@ class AxisSettings:
     velocity_unit: Positive = 1e-9
     acceleration_unit: Positive = 1e-6
     quirks: Quirks | None = None
-    habits: Habits | None = None
+    habits: Habits = field(default_factory=Habits)
     encoder_on_load: bool = False
     rotary: bool = False
 

@@ -73,8 +73,7 @@ class MotionControl:
         self._remote = False
         self._word = 0  # controlword acted on last, and the state it left the drive in
         self._word_state = State.NOT_READY
-        habits = motor.settings.habits
-        self._in_sync = 0 if habits is None or not habits.in_sync else _IN_SYNC
+        self._in_sync = _IN_SYNC if motor.settings.habits.in_sync else 0
         self._latched_bits = 0  # of the statusword, until the fault is reset
         self._syncs = 0
         self._lasting_faults: set[int] = set()

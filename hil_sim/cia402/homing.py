@@ -127,8 +127,7 @@ class Homing(Mode):
         offset = self.integer(o.HOME_OFFSET)
         motor.origin = counter + round(offset * motor.unit / motor.settings.increment)
         self._phase = _Phase.IDLE
-        habits = motor.settings.habits
-        attained = ATTAINED if habits is None or habits.homing_attained else 0
+        attained = ATTAINED if motor.settings.habits.homing_attained else 0
         self.set_bits(attained | (TARGET_REACHED if self.context.generator.done else 0))
 
     def _fail(self) -> None:

@@ -14,7 +14,6 @@ from hil_sim.cia402.homing import Homing
 from hil_sim.cia402.modes import Context, CyclicPosition, CyclicTorque, Mode, ModeCode
 from hil_sim.cia402.profile_position import ProfilePosition
 from hil_sim.cia402.velocity import CyclicVelocity, ProfileVelocity
-from hil_sim.habits import Habits
 
 _MODES: dict[int, type[Mode]] = {
     ModeCode.NONE: Mode,
@@ -51,7 +50,7 @@ class ModeSelector:
         self._demand = demand
         self._is_active = is_active
         self._on_change = on_change
-        self._habits = context.motor.settings.habits or Habits()
+        self._habits = context.motor.settings.habits
         self._modes = {code: mode(context) for code, mode in _MODES.items()}
         self.current = self._modes[ModeCode.NONE]
         context.dictionary.check[o.MODE] = self._check

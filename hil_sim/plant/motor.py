@@ -45,11 +45,8 @@ class Motor:
         self._scale = self.settings.increment / self.unit
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
         habits = self.settings.habits
-        self._permille = self.settings.control.rated_force / 1000.0
-        self._interpolates = True
-        if habits is not None:
-            self._permille *= habits.force_factor
-            self._interpolates = habits.interpolates
+        self._permille = self.settings.control.rated_force / 1000.0 * habits.force_factor
+        self._interpolates = habits.interpolates
         self.origin = plant.encoder(axis)
         self.open = False
         self._clock_started = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from stagectl.config.machine import Axis, Drive
+from stagectl.config.machine import Drive
 from stagectl.config.profiles import Profile
 
 if TYPE_CHECKING:
@@ -19,16 +19,17 @@ _SHARED = ("absent", "only", "long_answers", "homing_attained", "in_sync", "inte
 """Facts that are a habit by the same name."""
 
 
-def habits_of(profile: Profile, axis: Axis, drive: Drive) -> Habits:
+def habits_of(profile: Profile | None, drive: Drive) -> Habits:
     """The habits of the drive of an axis.
 
     Args:
-        profile: of its family.
-        axis: of a machine file.
+        profile: of its family; None: it has none.
         drive: its drive section, filled by the profile.
     """
     from hil_sim import habits
 
+    if profile is None:
+        return habits.Habits()
     facts = profile.facts()
     csp = facts.get("csp_mode", habits.CSP)
     modes = [MODES[name] for name in facts.get("modes", ())]

@@ -56,7 +56,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
                 quirks=drive.quirks,
-                habits=None if profile is None else habits_of(profile, axis, drive),
+                habits=habits_of(profile, drive),
                 encoder_on_load=axis.encoder.on_load,
                 velocity_unit=drive.velocity_count,
                 acceleration_unit=drive.acceleration_count,

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hil_sim.habits import Habits
 from stagectl.config import driver_settings, parse_machine, stage_settings
 from stagectl.config.profiles import families, load_profile, parse_profile, profile_of
 from stagectl.config.profiles.model import Fact
@@ -98,6 +99,6 @@ def test_a_profile_that_is_named_has_to_be_of_the_device(machine, tmp_path):
 def test_a_recording_names_a_profile_that_is_not_here(machine):
     own, _ = machine("profile: own.yaml")
     recorded = parse_machine(own.text, "elsewhere/recording.h5")
-    assert stage_settings(recorded).axes[0].habits is None  # of its model; there is no drive
+    assert stage_settings(recorded).axes[0].habits == Habits()  # of its model; there is no drive
     with pytest.raises(ConfigError, match=r"own\.yaml: no such file"):
         driver_settings(parse_machine(own.text.replace("eds: x.eds", ""), "elsewhere/m.yaml"))
