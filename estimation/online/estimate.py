@@ -41,6 +41,16 @@ _WHY_NOT = {
     HIDDEN_ONSET: "samples of its onset are missing or saturated: "
     "how the elements began to slip is not known",
 }
+_REFUSED = {
+    HOLES: "only {percent:.0f} % of the samples can be used",
+    DISTURBED: "late setpoints disturbed the force in all but {percent:.0f} % of the motion",
+    MISFIT: "residual {number:.1f} times that expected from noise and wander",
+    MISSED: "the model misses {percent:.0f} % of the Coulomb force, something else acts",
+    BOUND: "{figure} ran into its bound",
+    SCALE: "force per acceleration changes by {percent:+.0f} %: not friction, but the force "
+    "constant, the reading of the force (0x6077) or the moved mass",
+    JUMP: "{figure} jumps by {percent:+.0f} %",
+}
 
 
 class Estimate:
@@ -74,30 +84,11 @@ class Estimate:
         verdict, number = self._outcome.verdict, self._outcome.number
         if verdict == ACCEPTED:
             return None
-        if verdict == HOLES:
-            return f"only {100 * number:.0f} % of the samples can be used"
-        if verdict == DISTURBED:
-            return (
-                f"late setpoints disturbed the force in all but {100 * number:.0f} % of the motion"
-            )
         if verdict == STILL:
             return _WHY_NOT[int(number)]
-        if verdict == MISFIT:
-            return f"residual {number:.1f} times that expected from noise and wander"
-        if verdict == MISSED:
-            return (
-                f"the model misses {100 * number:.0f} % of the Coulomb force, something else acts"
-            )
-        if verdict == BOUND:
-            return f"{FIGURES[self._outcome.figure]} ran into its bound"
-        if verdict == SCALE:
-            return (
-                f"force per acceleration changes by {100 * number:+.0f} %: not friction, but the "
-                "force constant, the reading of the force (0x6077) or the moved mass"
-            )
-        if verdict == JUMP:
-            return f"{FIGURES[self._outcome.figure]} jumps by {100 * number:+.0f} %"
-        return "the problem has no solution"
+        reason = _REFUSED.get(verdict, "the problem has no solution")
+        figure = FIGURES[self._outcome.figure] if "{figure}" in reason else ""
+        return reason.format(number=number, percent=100 * number, figure=figure)
 
     @property
     def friction(self) -> FrictionFigures:
