@@ -6,25 +6,9 @@ The driver calls it with every row of a stream, between the last sample and the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
+from drivers.cyclic import Channel
 from estimation.observer import StageObserver
-
-
-class Sampled(Protocol):
-    """An axis as last sampled, in the integers of the bus.
-
-    Attributes:
-        position: [increments].
-        force: [1/1000 rated].
-        valid: whether the last SYNC brought a sample.
-        arrival: time from SYNC to the arrival of its frame [ns].
-    """
-
-    position: int
-    force: int
-    valid: bool
-    arrival: int
 
 
 class ObservedOffsets:
@@ -41,7 +25,7 @@ class ObservedOffsets:
         self._rows = [memoryview(row) for row in observer.sample]
 
     def offsets(
-        self, row: int, periods: int, doubt: float, channels: Sequence[Sampled]
+        self, row: int, periods: int, doubt: float, channels: Sequence[Channel]
     ) -> list[int]:
         """The force offsets of a row [1/1000 of the rated force].
 
