@@ -7,7 +7,6 @@ longer than a period is behind; the instants that it has missed then follow at o
 
 from __future__ import annotations
 
-import heapq
 import time
 from collections import deque
 
@@ -36,20 +35,8 @@ class PacedWorld(World):
         self.delays: deque[int] = deque(maxlen=KEPT)
         self.turnarounds: deque[int] = deque(maxlen=KEPT)
 
-    def step(self, deadline_ns: int | None) -> bool:
-        """As of a `World`, at its time by the wall clock."""
-        timers = self._timers
-        while timers and timers[0][2].action is None:
-            heapq.heappop(timers)
-        instant = timers[0][0] if timers else deadline_ns
-        if deadline_ns is not None and (instant is None or deadline_ns < instant):
-            instant = deadline_ns
-        if instant is not None:
-            self._await(instant)
-        return super().step(deadline_ns)
-
-    def _await(self, instant: int) -> None:
-        """Wait until an instant of virtual time [ns]."""
+    def _reach(self, instant: int) -> None:
+        """As of a `World`, at its time by the wall clock [ns]."""
         now = time.monotonic_ns()
         self.turnarounds.append(now - self._released)
         ahead = self._origin + instant - now
@@ -62,3 +49,4 @@ class PacedWorld(World):
         if behind > CATCH_UP:
             self._origin += behind - CATCH_UP
         self._released = now
+        super()._reach(instant)

@@ -153,16 +153,20 @@ class World(Scheduler):
                 )
         elif deadline_ns is None or timers[0][0] <= deadline_ns:
             instant = timers[0][0]
-            self.now_ns = max(self.now_ns, instant)
+            self._reach(instant)
             while timers and timers[0][0] <= instant:
                 timer = heapq.heappop(timers)[2]
                 action, timer.action = timer.action, None
                 if action is not None:
                     action()
             return True
-        if deadline_ns is not None and deadline_ns > self.now_ns:
-            self.now_ns = deadline_ns
+        if deadline_ns is not None:
+            self._reach(deadline_ns)
         return False
+
+    def _reach(self, instant: int) -> None:
+        """Move time to an instant, unless that has passed [ns]."""
+        self.now_ns = max(self.now_ns, instant)
 
     def sleep_until_ns(self, time_ns: int) -> None:
         """Let virtual time pass until `time_ns`, running every timer on the way."""
