@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import can
 
@@ -190,6 +189,3 @@ class ReplayBus(can.BusABC):
         self._over = True
         self.difference = difference
         raise can.CanOperationError("the replay is over")
-
-    def _recv_internal(self, timeout: float | None) -> tuple[Any, bool]:
-        raise NotImplementedError  # `recv` is overridden as a whole
