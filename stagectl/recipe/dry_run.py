@@ -173,13 +173,8 @@ class _Tally:
                     self.notes.append(f"site {step.site}: no mark listed, no micro-move")
 
     def _move(self, step: MoveStep) -> None:
-        if step.target is not None:
-            target = step.target
-        elif step.relative is not None:
-            target = (self.position[0] + step.relative[0], self.position[1] + step.relative[1])
-        elif self.mark is not None:
-            target = self.mark
-        else:
+        target = step.end(self.position, self.mark)
+        if target is None:
             return
         steps = (abs(target[0] - self.position[0]), abs(target[1] - self.position[1]))
         self.duration += max(_duration(round(d, 9), step.profile) for d in steps)

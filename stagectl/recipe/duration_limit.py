@@ -29,14 +29,10 @@ def why_too_long(recipe: Recipe) -> str | None:
     for step in plan(recipe, position):
         match step:
             case MoveStep():
-                if step.target is not None:
-                    distance = max(abs(t - p) for t, p in zip(step.target, position, strict=True))
-                    position = step.target
-                elif step.relative is not None:
-                    distance = max(abs(r) for r in step.relative)
-                    position = (position[0] + step.relative[0], position[1] + step.relative[1])
-                else:
-                    distance = reach
+                distance = reach
+                if (end := step.end(position, None)) is not None:
+                    distance = max(abs(e - p) for e, p in zip(end, position, strict=True))
+                    position = end
                 least = minimum_duration(distance, step.profile)
                 if least > MAX_MOVE:
                     return (

@@ -35,6 +35,12 @@ class MoveStep:
     relative: Pair | None = None
     place: Pair | None = None
 
+    def end(self, position: Sequence[float], mark: Pair | None) -> Pair | None:
+        """Where it leads from a position, by the mark if that is its target; None without one."""
+        if self.relative is not None:
+            return position[0] + self.relative[0], position[1] + self.relative[1]
+        return self.target or mark
+
 
 @dataclass(frozen=True, slots=True)
 class FiducialStep:

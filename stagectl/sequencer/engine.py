@@ -131,7 +131,7 @@ class Engine:
         self._site: int | None = None
         self._site_position: tuple[float, ...] = tuple(self._mover.target)
         self._place: tuple[float, ...] | None = None
-        self._mark: tuple[float, ...] | None = None
+        self._mark: tuple[float, float] | None = None
 
     @property
     def samples(self) -> int:
@@ -218,16 +218,8 @@ class Engine:
 
     def _target_of(self, step: MoveStep) -> tuple[float, ...] | None:
         """Absolute target on the grid of the setpoints; None where the mark was not found."""
-        if step.target is not None:
-            wanted: Sequence[float] = step.target
-        elif step.relative is not None:
-            wanted = [t + r for t, r in zip(self._mover.target, step.relative, strict=True)]
-        else:
-            mark, self._mark = self._mark, None
-            if mark is None:
-                return None
-            wanted = mark
-        return self._mover.on_grid(wanted)
+        wanted, self._mark = step.end(self._mover.target.tolist(), self._mark), None
+        return None if wanted is None else self._mover.on_grid(wanted)
 
     def _find_mark(self, site: int) -> None:
         self._on_event(events.Waiting(site, "looking for the mark", None))
