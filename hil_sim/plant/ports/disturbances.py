@@ -13,14 +13,15 @@ from stagedata.compiled import kernel
 
 
 @kernel()
-def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
+def _table(p, arena, offset, x):  # type: ignore[no-untyped-def]
     """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends.
 
-    The table has `count` nodes from `low` on, 1/`inverse` apart, and one more entry at each end.
+    The axis' tables have `table_count` nodes from `table_low` on, 1/`table_inverse` apart, and one
+    more entry at each end; this one begins at `offset`.
     """
-    u = (x - low) * inverse
-    if u >= count - 1.0:
-        return arena[offset + count], 0.0
+    u = (x - p.table_low) * p.table_inverse
+    if u >= p.table_count - 1.0:
+        return arena[offset + p.table_count], 0.0
     if not u > 0.0:  # NaN included
         return arena[offset + 1], 0.0
     cell = int(u)
@@ -32,7 +33,8 @@ def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-de
     a = 0.5 * (p3 - p0) + 1.5 * (p1 - p2)
     b = p0 - 2.5 * p1 + 2.0 * p2 - 0.5 * p3
     c = 0.5 * (p2 - p0)
-    return ((a * t + b) * t + c) * t + p1, ((3.0 * a * t + 2.0 * b) * t + c) * inverse
+    slope = ((3.0 * a * t + 2.0 * b) * t + c) * p.table_inverse
+    return ((a * t + b) * t + c) * t + p1, slope
 
 
 @kernel()
@@ -90,9 +92,7 @@ def _level(p, s, across, arena, t):  # type: ignore[no-untyped-def]
     coulomb = 1.0
     slope = 0.0
     if p.position_coulomb >= 0:
-        coulomb, slope = _table(
-            arena, p.position_coulomb, p.table_low, p.table_inverse, p.table_count, s.place
-        )
+        coulomb, slope = _table(p, arena, p.position_coulomb, s.place)
     factor = 1.0
     for i in range(p.decays_count):
         at = p.decays + 2 * i
@@ -155,19 +155,13 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
     half = 0.5 * period
     _level(p, s, across, arena, t + half)
     if p.position_gain >= 0:
-        s.gain, s.gain_slope = _table(
-            arena, p.position_gain, p.table_low, p.table_inverse, p.table_count, middle
-        )
+        s.gain, s.gain_slope = _table(p, arena, p.position_gain, middle)
     if p.misreading >= 0:
-        s.misread, s.misread_slope = _table(
-            arena, p.misreading, p.table_low, p.table_inverse, p.table_count, middle
-        )
+        s.misread, s.misread_slope = _table(p, arena, p.misreading, middle)
     s.pull = p.force + p.spring * middle
     s.pull_slope = p.spring
     if p.position_force >= 0:
-        value, slope = _table(
-            arena, p.position_force, p.table_low, p.table_inverse, p.table_count, middle
-        )
+        value, slope = _table(p, arena, p.position_force, middle)
         s.pull += value
         s.pull_slope += slope
     _push(p, s, arena, t, half)
