@@ -38,6 +38,7 @@ from stagectl.config.settings.host_model import current_lag, drive_loop, kink_de
 from stagectl.sequencer.compensation.acceleration_force import AccelerationForce
 from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagectl.sequencer.compensation.mode import Mode
+from stagectl.sequencer.compensation.places import Expectation
 from stagectl.sequencer.compensation.sticking import Sticking
 from stagedata import FrictionFigures
 
@@ -322,29 +323,16 @@ class AxisCompensation:
             return FrictionState.relaxed(count_states(self.estimator.friction))
         return state.copy()
 
-    def expect_at_target(
-        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
-    ) -> None:
-        """Expect another Coulomb force at the next move's target.
-
-        Args:
-            coulomb: there [N].
-            sigma: its standard deviation [N].
-            level: the wander w and its standard deviation; None: unknown.
-        """
+    def expect_at_target(self, friction: Expectation) -> None:
+        """Expect another Coulomb force at the next move's target."""
         self._departure = self._state_now()
-        self.estimator.expect(coulomb, sigma, level)
+        self.estimator.expect(friction.coulomb, friction.sigma, friction.level)
 
-    def correct_at_place(
-        self, coulomb: float, sigma: float, level: tuple[float, float] | None
-    ) -> None:
-        """Correct the Coulomb force at the present position; the elements keep their forces.
-
-        Arguments as in `expect_at_target`.
-        """
+    def correct_at_place(self, friction: Expectation) -> None:
+        """Correct the Coulomb force at the present position; the elements keep their forces."""
         state = self.estimator.state
         kept = None if state is None else state.copy()
-        self.estimator.expect(coulomb, sigma, level)
+        self.estimator.expect(friction.coulomb, friction.sigma, friction.level)
         self.estimator.state = kept
 
     def level_with_target(self, move: MoveData, variation: F64) -> MoveData:

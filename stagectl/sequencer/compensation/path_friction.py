@@ -59,7 +59,7 @@ class PathFriction:
         self.varies = expected is not None
         for compensation, friction in zip(self._compensation, expected or (), strict=False):
             if friction is not None:
-                compensation.expect_at_target(friction.coulomb, friction.sigma, friction.level)
+                compensation.expect_at_target(friction)
         across = motion[::-1] if len(motion) == 2 else [None] * len(motion)
         demanded = [AxisMotion(*both, len(demand)) for both in zip(motion, across, strict=True)]
         for compensation, own in zip(self._compensation, demanded, strict=True):
@@ -128,9 +128,7 @@ class PathFriction:
             return
         friction = self._places.learn(axis, kind, learned.estimate, time)
         if friction is not None:
-            self._compensation[axis].correct_at_place(
-                friction.coulomb, friction.sigma, friction.level
-            )
+            self._compensation[axis].correct_at_place(friction)
 
     def _variation(self, path: F64, time: float) -> list[F64 | None]:
         """Fc of each axis relative to that at the target, minus 1; None where it is the same."""

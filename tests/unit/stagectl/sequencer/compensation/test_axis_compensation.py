@@ -8,6 +8,7 @@ from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
 from stagectl.sequencer import Mode, make_compensation
 from stagectl.sequencer.compensation.axis_compensation import AtRest, AxisMotion
+from stagectl.sequencer.compensation.places import Expectation
 from tests.unit.stagectl.machines import with_effects
 
 TS = 1e-3
@@ -79,7 +80,9 @@ def test_a_correction_at_the_same_place_keeps_the_forces_of_the_elements():
         x, _ = make_compensation(load_machine(), Mode.ESTIMATED)
         offsets(x, rest_force=3.0)
         before = x.estimator.state.forces.copy()
-        (x.correct_at_place if better else x.expect_at_target)(7.5, 0.05, (0.004, 0.005))
+        (x.correct_at_place if better else x.expect_at_target)(
+            Expectation(7.5, 0.05, (0.004, 0.005))
+        )
         friction = x.estimator.friction
         assert friction.coulomb == pytest.approx(7.5)
         assert x.estimator.level == pytest.approx(1.004)
