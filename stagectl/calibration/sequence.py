@@ -154,33 +154,28 @@ def _gain(
     state.forces[:] = 0.0
     estimator.expect(friction.coulomb, START["coulomb"] * friction.coulomb)  # as at a site
     at, time = 0.0, 0.0
+
+    def move(target: float, profile: Profile) -> None:
+        nonlocal at, time
+        motion = plan(at, target, Limits(profile.velocity, profile.acceleration, profile.jerk))
+        samples = math.ceil((motion.duration + REST) / period)
+        moments = np.asarray(np.arange(samples) * period, np.float64)
+        position, velocity, acceleration = motion.sample(moments)
+        rest = state.total
+        state.settle_at(float(position[0]))
+        force, _ = follow(friction, state, position, velocity, period)
+        force = force + friction.viscous * velocity + axis.plant.mass * acceleration
+        estimator.update(MoveData(position, force, np.ones(samples, dtype=np.bool_), time, rest))
+        at, time = target, time + samples * period
+
     # The arrival at the site, which leaves the elements as sliding does.
-    for target, profile in [(-0.02, excursions[0].profile), (0.0, excursions[0].profile)]:
-        at, time = _move(estimator, axis, state, at, target, profile, time, period)
+    move(-0.02, excursions[0].profile)
+    move(0.0, excursions[0].profile)
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     begin = time
     for excursion in excursions:
-        at, time = _move(
-            estimator, axis, state, at, excursion.offset[index], excursion.profile, time, period
-        )
+        move(excursion.offset[index], excursion.profile)
     after = estimator.sigma_by_moves
     return {
         name: Gain(START[name], after[name] / value) for name, value in values.items()
     }, time - begin
-
-
-def _move(
-    estimator: SplitHorizonEstimator, axis: Axis, state: FrictionState, at: float, target: float,
-    profile: Profile, time: float, period: float,
-) -> tuple[float, float]:  # fmt: skip
-    motion = plan(at, target, Limits(profile.velocity, profile.acceleration, profile.jerk))
-    samples = math.ceil((motion.duration + REST) / period)
-    moments = np.asarray(np.arange(samples) * period, np.float64)
-    position, velocity, acceleration = motion.sample(moments)
-    friction = axis.plant.friction.figures
-    rest = state.total
-    state.settle_at(float(position[0]))
-    force, _ = follow(friction, state, position, velocity, period)
-    force = force + friction.viscous * velocity + axis.plant.mass * acceleration
-    estimator.update(MoveData(position, force, np.ones(samples, dtype=np.bool_), time, rest))
-    return target, time + samples * period
