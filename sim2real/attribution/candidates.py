@@ -131,12 +131,12 @@ class TrackedDictionary(Dictionary):
         frequencies: list[float] = []
         while len(frequencies) < _PEAKS and remaining.max() > 0.0:
             line = int(remaining.argmax())
-            frequencies.append(_summit(power, line) * float(frequency[1]))
+            frequencies.append(summit(power, line) * float(frequency[1]))
             remaining[np.abs(frequency - frequency[line]) < 2.0 / float(time[-1])] = 0.0
         return frequencies
 
 
-def _summit(power: F64, line: int) -> float:
+def summit(power: F64, line: int) -> float:
     """Where a peak of a spectrum has its top, in lines: that of a parabola through three lines.
 
     Over a recording, half a line off turns a wave by as much as a fit still recovers from.
@@ -145,4 +145,6 @@ def _summit(power: F64, line: int) -> float:
         return float(line)
     before, top, after = power[line - 1 : line + 2]
     bend = before - 2.0 * top + after
-    return line + (float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0)
+    # At the edge of a band the highest line need not be a peak: its parabola has its top elsewhere.
+    off = float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
+    return line + min(max(off, -0.5), 0.5)

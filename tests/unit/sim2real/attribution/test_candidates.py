@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
 from sim2real.attribution import signature_similarity
-from sim2real.attribution.candidates import TrackedDictionary
+from sim2real.attribution.candidates import TrackedDictionary, summit
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
 
@@ -41,3 +42,10 @@ def test_a_vibration_starts_at_its_frequency(nominal):
     )
     found = dict(zip(there, dictionary.best(floor)[0].term.values, strict=True))
     assert found["frequency"] == pytest.approx(there["frequency"], abs=0.01)
+
+
+@pytest.mark.parametrize("lines", [[9.0, 8.0, 7.5, 7.2], [7.2, 7.5, 8.0, 9.0]])
+def test_a_slope_of_a_spectrum_has_no_top_far_away(lines):
+    """Of a band the highest line is at its edge where the spectrum falls into it."""
+    assert all(abs(summit(np.array(lines), line) - line) <= 0.5 for line in range(4))
+    assert summit(np.array([1.0, 4.0, 3.0]), 1) == pytest.approx(1.25)
