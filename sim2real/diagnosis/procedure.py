@@ -144,7 +144,7 @@ class _StageSearch:
             self._library,
             partial(self._loop_gap, name),
             advance,
-            partial(self._is_curve, name, leaves_structure=True),
+            partial(self._is_curve, name),
         )
 
     def _loop_gap(self, name: str, model: AxisModel) -> float:
@@ -166,8 +166,7 @@ class _StageSearch:
         first = [alternative.model for alternative in search.alternatives]
         is_open = not search.is_complete
         near = first[:FITTED] if is_open else []
-        judged = {"leaves_structure": is_open, "is_complete": not is_open}
-        if self._is_curve(name, [search.best.model, *near], **judged):
+        if self._is_curve(name, [search.best.model, *near], is_complete=not is_open):
             rivals = self._rivals(name)
             # Those of transmissions have not been tried so far.
             transmitted = [e for n, e in self._all.items() if n not in self._library]
@@ -202,18 +201,21 @@ class _StageSearch:
         """The coordinate that the missing force of an axis depends on."""
         return self._rivals(name).unlisted(name)
 
-    def _is_curve(self, name: str, models: Sequence[AxisModel], **judged: bool) -> bool:
-        """Whether a curve explains nearly all of an axis, and better than these models.
+    def _is_curve(self, name: str, models: Sequence[AxisModel], is_complete: bool = False) -> bool:
+        """Whether a curve explains an axis better than these models.
+
+        Where these are not complete, it has to explain nearly all.
 
         Args:
             name: of the axis.
             models: of the library.
-            judged: as `Rivals.leave_names`.
+            is_complete: whether innovations show that these lack nothing.
         """
         rivals = self._rivals(name)
         unlisted = rivals.unlisted(name)
-        if not unlisted or unlisted[0].gap_closed <= ENOUGH:
+        if not unlisted or (unlisted[0].gap_closed <= ENOUGH and not is_complete):
             return False
+        judged = {"leaves_structure": not is_complete, "is_complete": is_complete}
         if rivals.leave_names(models, **judged):
             return False
         # The search takes mass, friction and stiffness before a factor on all of these.

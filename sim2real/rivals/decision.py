@@ -40,6 +40,8 @@ _FAR = 4.0
 """Energy over that of noise that is far above it."""
 _TAKEN = 0.1
 """Share of what an effect closes that may be lost where a curve takes its place."""
+_IN_TUNE = 0.01
+"""Relative distance of a pitch from a half or a third of another one that counts as none."""
 _FEWEST = 200
 """Samples in motion that curves need."""
 _MOVES = 2
@@ -113,15 +115,15 @@ class Rivals:
             if prediction is None:
                 continue
             excess, error = _compare(prediction, best.prediction)
-            # Noise that a curve happens to follow is no reason to take a name away.
-            excess += min(best.prediction.energy - self.screen.floor, 0.0)
             margin = self.margin(error)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = any(is_coulomb_level(term, self.screen.loop.axis) for term in model.terms)
             clearly = _CLEARLY if not is_complete else 1.0 if levels else -_AS_WELL
+            # Noise that a curve happens to follow is no reason to take a single name away.
+            excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
             if excess < -min(margin, clearly * error) or (
-                excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
+                excess_of_one <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True
         return False
@@ -132,12 +134,16 @@ class Rivals:
         """Effects of a model that are not needed beside the best curve, and that curve.
 
         Nothing of either where the model leaves little, or no curve beside it closes most of that.
-        No curve takes the place of effects that are `kept`.
+        No curve takes the place of effects that are `kept`. Of a wave's harmonic the curve takes it
+        in any case: it is no effect, but the shape of another one.
         """
-        found, dropped = self._beside(model), list[str]()
+        dropped = harmonics(model)
+        for name in dropped:
+            model = model.without(model.names().index(name))
+        found = self._beside(model)
         best = None if found is None else found.best
         if found is None or best is None:
-            return (), ()
+            return tuple(dropped), ()
         while model.terms:
             tried, whole = [], self.screen.model(model)
             for index in range(len(model.terms)):
@@ -211,6 +217,26 @@ class Rivals:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
         gap = max(self.opened.energy - self.screen.floor, 0.0)
         return min(max(error, _LITTLE * gap), _MUCH * gap)
+
+
+def harmonics(model: AxisModel) -> list[str]:
+    """Names of the waves over position whose pitch is a half or a third of another one's."""
+    pitches = {
+        term.name: value
+        for term in model.terms
+        if any(p.role == "phase" for p in term.effect.parameters)
+        for p, value in zip(term.effect.parameters, term.values, strict=True)
+        if p.role == "shape" and p.unit == "m"
+    }
+    return [
+        name
+        for name, pitch in pitches.items()
+        if any(
+            abs(order * pitch / other - 1.0) < _IN_TUNE
+            for other in pitches.values()
+            for order in (2, 3)
+        )
+    ]
 
 
 def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: float) -> int:

@@ -15,7 +15,7 @@ from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Screen, describe_force, find_rivals
 from sim2real.rivals.coordinates import Coordinate
-from sim2real.rivals.decision import Rivals, count_shown
+from sim2real.rivals.decision import Rivals, count_shown, harmonics
 from sim2real.rivals.screen import Curve, Prediction
 from tests.unit.sim2real.conftest import TOLERANCE
 
@@ -191,6 +191,17 @@ def test_a_complete_set_has_to_predict_as_well_as_a_curve(nominal, first, errors
     both = AxisModel(np.zeros(NUISANCES), terms)
     assert rivals.leave_names([both], is_complete=True) is complete
     assert rivals.leave_names([both]) is (errors > 3.0)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "tuned"), [(2.01, True), (2.98, True), (2.2, False), (5.0, False)]
+)
+def test_a_wave_of_half_or_a_third_of_a_pitch_is_a_harmonic(ratio, tuned):
+    waves = {"cogging": 0.028, "transmission_ripple": 0.028 / ratio}
+    known = library()
+    terms = tuple(Term(known[name], (1.0, pitch, 0.5)) for name, pitch in waves.items())
+    model = AxisModel(np.zeros(NUISANCES), (*terms, Term(known["viscous_damping"], (1.2,))))
+    assert harmonics(model) == (["transmission_ripple"] if tuned else [])
 
 
 def test_a_loss_goes_on_straight_beyond_the_forces_recorded(screen_of):
