@@ -105,7 +105,8 @@ class Rivals:
                 then a name may lose nothing that is certain, however small beside the gap.
             is_complete: innovations show that nothing is missing: then several effects only have to
                 predict as well as a curve, for they have fewer figures; better by one standard
-                error where some are levels of friction, whose course innovations do not show.
+                error where some are levels of friction, whose course innovations do not show. Where
+                all are, they are one function, unless they predict better by all that counts.
         """
         best = self.best
         if best is None:
@@ -118,11 +119,12 @@ class Rivals:
             margin = self.margin(error)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
-            levels = any(is_coulomb_level(term, self.screen.loop.axis) for term in model.terms)
-            clearly = _CLEARLY if not is_complete else 1.0 if levels else -_AS_WELL
+            levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
+            clearly = _CLEARLY if not is_complete else 1.0 if any(levels) else -_AS_WELL
+            needed = margin if all(levels) else min(margin, clearly * error)
             # Noise that a curve happens to follow is no reason to take a single name away.
             excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess < -min(margin, clearly * error) or (
+            if excess < -needed or (
                 excess_of_one <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True
