@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,7 +106,8 @@ class Rivals:
             is_complete: innovations show that nothing is missing: then several effects only have to
                 predict as well as a curve, for they have fewer figures; better by one standard
                 error where some are levels of friction, whose course innovations do not show. Where
-                all are, they are one function, unless they predict better by all that counts.
+                all are, and a curve of as few figures does as well, they have to be better by all
+                that counts.
         """
         best = self.best
         if best is None:
@@ -121,14 +122,27 @@ class Rivals:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
             clearly = _CLEARLY if not is_complete else 1.0 if any(levels) else -_AS_WELL
-            needed = margin if all(levels) else min(margin, clearly * error)
+            if is_complete and all(levels) and self._is_one_function(best):
+                if excess < -margin:
+                    return True
+                continue
             # Noise that a curve happens to follow is no reason to take a single name away.
             excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess < -needed or (
+            if excess < -min(margin, clearly * error) or (
                 excess_of_one <= margin and count_shown(self.screen, model, prediction, margin) < 2
             ):
                 return True
         return False
+
+    def _is_one_function(self, best: Curve) -> bool:
+        """Whether the best curve would do as well with as few figures as two effects have."""
+        if best.coordinate.along != "position":
+            return True
+        few = self.screen.curve(replace(best.coordinate, step=math.inf))
+        if few is None:
+            return False
+        excess, error = _compare(few.prediction, best.prediction)
+        return excess <= _AS_WELL * error
 
     def beside(
         self, model: AxisModel, kept: Sequence[str] = ()
