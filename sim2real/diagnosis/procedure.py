@@ -35,7 +35,7 @@ from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Rivals, Screen, find_rivals
-from sim2real.scoring.constants import ENOUGH, FITTED, LONG
+from sim2real.scoring.constants import ENOUGH, FITTED, LONG, MASS, SCALED
 from sim2real.tracking import Tracker
 
 _LEAST_TOLERANCE = 1e-4
@@ -144,7 +144,7 @@ class _StageSearch:
             self._library,
             partial(self._loop_gap, name),
             advance,
-            partial(self._is_curve, name),
+            partial(self.is_curve, name),
         )
 
     def _loop_gap(self, name: str, model: AxisModel) -> float:
@@ -166,7 +166,7 @@ class _StageSearch:
         first = [alternative.model for alternative in search.alternatives]
         is_open = not search.is_complete
         near = first[:FITTED] if is_open else []
-        if self._is_curve(name, [search.best.model, *near], is_complete=not is_open):
+        if self.is_curve(name, [search.best.model, *near], is_complete=not is_open):
             rivals = self._rivals(name)
             # Those of transmissions have not been tried so far.
             transmitted = [e for n, e in self._all.items() if n not in self._library]
@@ -201,7 +201,7 @@ class _StageSearch:
         """The coordinate that the missing force of an axis depends on."""
         return self._rivals(name).unlisted(name)
 
-    def _is_curve(self, name: str, models: Sequence[AxisModel], is_complete: bool = False) -> bool:
+    def is_curve(self, name: str, models: Sequence[AxisModel], is_complete: bool = False) -> bool:
         """Whether a curve explains an axis better than these models.
 
         Where these are not complete, it has to explain nearly all.
@@ -218,14 +218,17 @@ class _StageSearch:
         judged = {"leaves_structure": not is_complete, "is_complete": is_complete}
         if rivals.leave_names(models, **judged):
             return False
-        # The search takes mass, friction and stiffness before a factor on all of these.
-        started = (factor_instead(model, rivals.screen.loop.axis, self._all) for model in models)
-        start = next((s for s in started if s is not None), None)
+        # The search takes mass, friction and stiffness before a factor on all of these, or on all
+        # of these but what else changes them.
         loop = rivals.screen.loop
-        if start is None or not loop.allows(start):
-            return True
-        scaled = fit_free(loop, start, LONG).model
-        return not rivals.leave_names([scaled], **judged)
+        for model in models:
+            start = factor_instead(model, loop.axis, self._all)
+            if start is not None:
+                rest = tuple(t for t in model.terms if t.name in SCALED and t.name != MASS)
+                starts = (start, replace(start, terms=(*start.terms, *rest)))
+                scaled = [fit_free(loop, each, LONG).model for each in starts if loop.allows(each)]
+                return not scaled or not rivals.leave_names(scaled, **judged)
+        return True
 
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""

@@ -6,11 +6,13 @@ import threading
 from dataclasses import dataclass
 from signal import SIGINT, pthread_kill
 
+import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
-from sim2real.fitting import compose_stage
+from sim2real.diagnosis.procedure import _StageSearch
+from sim2real.fitting import NUISANCES, AxisModel, Term, Workers, compose_stage
 from sim2real.gap import compare_with_model, gap_closed
 from tests.signals import as_in_a_terminal
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -257,3 +259,20 @@ def test_a_narrow_bump_is_found_where_the_curve_has_it(nominal):
     assert found.report.verdict == "explained"
     for key, value in there["friction_position"].items():
         assert abs(cause.parameters[key].value - value) < 3.0 * cause.parameters[key].sigma, key
+
+
+def test_a_force_constant_beside_what_it_scales_is_no_curve(nominal):
+    """A mass is found first, and a curve over velocity explains nearly all of the rest."""
+    known = library()
+    there = {"force_constant": {"ratio": 0.85}, "viscous_damping": {"ratio": 0.4}}
+    recording = stage_with(nominal, 23, x=there)
+    with Workers() as workers:
+        stage = _StageSearch(
+            examine([recording], nominal[1]), TOLERANCE, known, workers, lambda *_: None
+        )
+        found = (("payload_mass", 1.5), ("viscous_damping", 0.6))
+        model = AxisModel(
+            np.zeros(NUISANCES), tuple(Term(known[name], (value,)) for name, value in found)
+        )
+        assert stage.curves("x")[0].gap_closed > 0.8
+        assert not stage.is_curve("x", [model], is_complete=True)
