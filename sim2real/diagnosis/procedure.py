@@ -218,8 +218,8 @@ class _StageSearch:
         judged = {"leaves_structure": not is_complete, "is_complete": is_complete}
         if rivals.leave_names(models, **judged):
             return False
-        # The search takes mass, friction and stiffness before a factor on all of these, or on all
-        # of these but what else changes them.
+        # The search takes mass, friction and stiffness before a factor on all of these: it is tried
+        # alone, and beside the friction and stiffness found.
         loop = rivals.screen.loop
         for model in models:
             start = factor_instead(model, loop.axis, self._all)

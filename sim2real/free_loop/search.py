@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import stdtrit
 
 from hil_sim.effects import Effect
 from sim2real.dictionary import Candidate, typical
@@ -397,7 +397,7 @@ def is_certain(change: F64) -> bool:
         return True
     if 2.0 > CHANCE * 2.0**count:  # chance alone does as well where a single move is worse
         error = float(np.std(change, ddof=1)) / math.sqrt(count) if count > 1 else math.inf
-        return bool(stdtr(count - 1, float(change.mean()) / error) > 1.0 - CHANCE)
+        return bool(change.mean() > error * stdtrit(count - 1, 1.0 - CHANCE))
     signs = np.random.default_rng(0).choice((-1.0, 1.0), (FLIPS, count))
     return bool(np.mean(signs @ change >= change.sum()) < CHANCE)
 

@@ -121,11 +121,13 @@ class Rivals:
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
-            clearly = _CLEARLY if not is_complete else 1.0 if any(levels) else -_AS_WELL
             if is_complete and all(levels) and self._is_one_function(best):
                 if excess < -margin:
                     return True
                 continue
+            clearly = _CLEARLY
+            if is_complete:
+                clearly = 1.0 if any(levels) else -_AS_WELL
             # Noise that a curve happens to follow is no reason to take a single name away.
             excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
             if excess < -min(margin, clearly * error) or (

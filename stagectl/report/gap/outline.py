@@ -135,7 +135,7 @@ def headline(report: findings.GapReport) -> str:
     coordinate = ""
     if report.unlisted:
         first = report.unlisted[0]
-        closes = f"closes {percent(first.gap_closed)} of it"
+        closes = f"closes {percent(first.gap_closed)} of the gap in force"
         coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} {closes}"
     match report.verdict:
         case "no_gap":
