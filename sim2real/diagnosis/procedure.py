@@ -34,7 +34,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Rivals, Screen, find_rivals
+from sim2real.rivals import Innovations, Rivals, Screen, find_rivals
 from sim2real.scoring.constants import ENOUGH, FITTED, LONG, MASS, SCALED
 from sim2real.tracking import Tracker
 
@@ -175,12 +175,19 @@ class _StageSearch:
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
             return search
+        innovations = Innovations(search.problem)
+        instead = innovations.instead_of(near)
+        if instead:
+            return search.without_names(instead)
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
         rivals, model = self._rivals(name), found.best.model
         if not model.terms or not rivals.leave_names([model]):
-            return found.without_names(rivals.unlisted(name))
+            return found.without_names(rivals.unlisted(name) or innovations.unlisted())
+        instead = innovations.instead_of([model])
+        if instead:
+            return found.without_names(instead)
         doubted, unlisted = rivals.beside(model)
         return replace(found, doubted=doubted, unlisted=unlisted)
 

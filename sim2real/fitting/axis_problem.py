@@ -78,6 +78,9 @@ class AxisProblem:
         trackers: of the axis, one per recording.
         tolerance: relative standard deviation of the base parameters.
         workers: threads that the simulations are shared among.
+
+    Attributes:
+        noise_energy: mean square of the position's innovations of a run of the model itself.
     """
 
     def __init__(
@@ -94,7 +97,8 @@ class AxisProblem:
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
         self.outlier = _OUTLIER
         own = [tracker.of_own_run(_SEED).run(self.axis)[0] for tracker in trackers]
-        self._noise = slow_energy(np.concatenate([track.position[track.valid] for track in own]))
+        alone = np.concatenate([track.position[track.valid] for track in own])
+        self._noise, self.noise_energy = slow_energy(alone), float(np.mean(np.square(alone)))
 
     def finer_if_close(self, residual: F64) -> AxisProblem:
         """The problem in the reference's steps, or this one if those could not make it white."""

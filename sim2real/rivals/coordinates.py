@@ -3,8 +3,9 @@
 A curve is linear between nodes. A force that changes sign with the direction is friction: it grows
 after a reversal and at low speed as that of the machine file does. Over position it follows its
 level with the time constant Fc/C, so at speed it lags. The path since the last reversal has a sum
-of stop operators (Prandtl), each of which is proportional to the path up to its width. What the
-library calls dynamics is a bank of oscillators driven by the acceleration. A force over time that
+of stop operators (Prandtl), each of which is proportional to the path up to its width; so has the
+motor force since it last turned, where iron lags behind it (magnetic hysteresis). What the library
+calls dynamics is a bank of oscillators driven by the acceleration. A force over time that
 changes within a move predicts the next one only as a wave, whose frequency may rise steadily.
 """
 
@@ -35,6 +36,8 @@ _OTHER_SIDE = 1e-3
 """Least reach of the nodes on one side of zero, as a share of that on the other."""
 _PATHS = (2e-5, 1e-4, 4e-4, 1.5e-3, 5e-3, 1.5e-2, 5e-2)
 """Widths of stop operators [m]."""
+_LOOPS = (0.01, 0.02, 0.04, 0.07, 0.11, 0.17, 0.25, 0.37, 0.55, 0.8, 2.0)
+"""The same over motor force, in shares of the largest."""
 _TIMES, _SPAN = 24, 0.25
 """Most nodes over time, and their smallest distance [s]."""
 _WAVES, _WAVES_OF_FRICTION = 120.0, 20.0
@@ -62,7 +65,8 @@ class Coordinate:
         over: as `unlisted` of a report calls it.
         along: quantity of the motion that the nodes are of.
         times: what the curve is multiplied by: "" for nothing, "friction" for the friction that a
-            Coulomb force of 1 N makes, "force" for the motor force over its rms.
+            Coulomb force of 1 N makes, "force" for the motor force over its rms; "history" where
+            it is no curve, but depends on where the quantity last turned.
         step: between nodes over position [m].
         close: whether nodes over velocity, acceleration and force are the closer ones.
     """
@@ -76,7 +80,8 @@ class Coordinate:
     @property
     def is_curve(self) -> bool:
         """Whether neighbouring heights belong together; else each column stands for itself."""
-        return self.along in (*_SPEED, "position", "other_position", "time")
+        along = (*_SPEED, "position", "other_position", "time")
+        return self.along in along and self.times != "history"
 
     @property
     def is_narrow(self) -> bool:
@@ -91,6 +96,7 @@ COORDINATES = (
     Coordinate("position", "position", "force"),
     Coordinate("reversal_path", "path"),
     Coordinate("force", "force"),
+    Coordinate("force", "force", "history"),
     Coordinate("acceleration", "acceleration"),
     Coordinate("time", "time"),
     Coordinate("time", "time", "friction"),
@@ -181,6 +187,8 @@ def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
     if coordinate.along in ("position", "other_position"):
         count = round((high - low) / coordinate.step) + 1
         return np.linspace(low, high, min(max(4, count), _MOST_PLACES))
+    if coordinate.times == "history":
+        return max(-low, high) * np.array(_LOOPS)
     # Nodes differ from each other on a side that nothing reaches, too.
     low, high = min(low, -_OTHER_SIDE * high), max(high, -_OTHER_SIDE * low)
     side = np.array(_CLOSER if coordinate.close else _SPEEDS)
@@ -191,6 +199,8 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
     """The force of a curve of unit height at each node, not low-passed, float64[P, n]."""
     if coordinate.along == "path":
         return stop_operators(course.quantities["position"], at)
+    if coordinate.times == "history":
+        return stop_operators(course.quantities[coordinate.along], at)
     if coordinate.along == "oscillators":
         return _oscillations(course.quantities["acceleration"], at, course.period)
     if coordinate.along == "other_motion" and course.other is not None:
@@ -221,7 +231,7 @@ def as_curve(
         heights: of the columns, float64[n] [N].
         sigma: of the heights, float64[n] [N].
     """
-    if coordinate.along == "path":  # the force along the path after a reversal
+    if coordinate.along == "path" or coordinate.times == "history":  # after a reversal
         path = np.append(0.0, 2.0 * at)
         share = np.clip(path[:, None] / at - 1.0, -1.0, 1.0)
         return coordinate, path, share @ heights, np.sqrt(share**2 @ sigma**2)
@@ -337,8 +347,8 @@ def stop_operators(position: F64, widths: F64) -> F64:
     """Stop operators (Prandtl): the travel over the width, held at -1 and 1 until it reverses.
 
     Args:
-        position: float64[T] [m].
-        widths: travel from the middle until they slide, float64[K] [m].
+        position: float64[T] [m], or a force [N].
+        widths: travel from the middle until they slide, float64[K] in the same unit.
 
     Returns:
         float64[T, K], -1..1; 0 at first.

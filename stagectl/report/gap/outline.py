@@ -27,6 +27,7 @@ _TIMES = {
     "": "",
     "force": " that grows with the motor force",
     "friction": " that changes sign with the direction",
+    "history": ", with hysteresis,",
 }
 _VERDICTS = {
     "no_gap": Fact("No gap", "good"),

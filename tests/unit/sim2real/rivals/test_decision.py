@@ -14,7 +14,7 @@ from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Screen, describe_force, find_rivals
-from sim2real.rivals.coordinates import Coordinate
+from sim2real.rivals.coordinates import Coordinate, stop_operators
 from sim2real.rivals.decision import Rivals, count_shown, harmonics
 from sim2real.rivals.screen import Curve, Prediction
 from tests.unit.sim2real.conftest import TOLERANCE
@@ -138,6 +138,25 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
     if effect is drag:
         fast = np.abs(at) > 0.3 * at.max()
         np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
+
+
+def test_iron_that_lags_behind_the_motor_force_is_no_set_of_effects(screen_of, nominal):
+    recording, settings = nominal
+    replay = prepare_replay(recording, settings)
+    force = simulate(settings, replay.demand, replay.offset, seed=3).force[:, 0]
+    behind = 5.0 * stop_operators(force, np.array([5.0]))[:, 0]
+    times = settings.sync_period * np.arange(len(behind))
+
+    @unlisted(SIZE, over="")
+    def iron(ports, p):
+        ports.add_time_force(p["size"] * np.interp(ports.times, times, behind))
+
+    rivals = find_rivals(screen_of(iron, size=0.15))
+    (found,) = rivals.unlisted("x")
+    assert (found.over, found.times, found.alike) == ("force", "history", ())
+    assert found.gap_closed > 0.85
+    reversal = np.interp((2.0, 10.0, 25.0), found.curve.at, found.curve.force)
+    assert np.diff(reversal) == pytest.approx((8.0 * 0.15, 0.0), abs=0.25), "loop of 10 N"
 
 
 WAVES = (6.0, 6.0, -6.0, -6.0)

@@ -1,0 +1,202 @@
+"""Curves fitted to innovations: they know coordinates that friction's wander hides in the force.
+
+The filter that keeps a simulation on the recorded course follows the level of friction. What a
+force over one coordinate leaves in its innovations follows to first order, as that of the library's
+effects does. Curves are judged on parts of the recording that took no part in their fit.
+
+Source: docs/decisions/0019-rivals.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sim2real.findings import ForceCurve, Unlisted
+from sim2real.fitting import AxisModel, AxisProblem, fit
+from sim2real.held_out import share_closed
+from sim2real.rivals.coordinates import COORDINATES, Coordinate, Course, as_curve, columns, nodes
+from sim2real.rivals.screen import bends
+from sim2real.scoring.constants import SURE_COORDINATE
+from sim2real.tracking import innovation_response
+from stagedata import F64
+
+_PARTS, _LENGTH = 8, 500
+"""Parts of the recording, which take turns, and samples of a turn."""
+_SMOOTH = (1e-4, 1e-2, 1.0)
+"""Weights of the penalty on second differences that are tried."""
+_LITTLE = 1e-6
+"""Weight of the penalty on every height."""
+_CLEARLY = 0.5
+"""What a curve may leave of what library effects leave, to take their names away."""
+_SHOWN, _AHEAD = 0.75, 3.0
+"""What a curve may leave to be an answer; and by how much its odds, of what it explains to what it
+leaves, have to exceed the next coordinate's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Columns fitted to innovations.
+
+    Attributes:
+        energies: of the deviations in each turn by a fit to the other parts, float64[turns].
+        values: of the columns by a fit to all, float64[n] [N].
+        sigma: of these.
+    """
+
+    energies: F64
+    values: F64
+    sigma: F64
+
+    @property
+    def energy(self) -> float:
+        """Of all turns."""
+        return float(self.energies.sum())
+
+
+class Innovations:
+    """The innovations of one axis under the machine file.
+
+    Shares are of the energy beyond noise that the machine file's figures leave.
+
+    Args:
+        problem: the axis.
+    """
+
+    def __init__(self, problem: AxisProblem) -> None:
+        self._problem = copy(problem)
+        self._problem.retune(problem.start)
+        plain = self._problem.nominal_fit()
+        self._problem.rescale(plain.residual)
+        left = self._problem.positions(plain.residual)
+        self._root = np.sqrt(self._problem.weights(left))
+        self._target = left * self._root
+        figures = self._problem.base_columns(plain.model, plain.residual)[: len(left)]
+        self._figures = figures * self._root[:, None]
+        self._turn = np.arange(len(left)) // _LENGTH
+        self._noise = self._problem.noise_energy * self._by_turn(self._root)
+        self._open = self._fitted(np.empty((len(self._target), 0)), 0)
+
+    @cached_property
+    def _ranking(self) -> Sequence[tuple[float, Coordinate, F64, _Fit]]:
+        """The best curve over each coordinate: what share it leaves, its nodes and fit.
+
+        The best first. What changes sign with friction is not among them: the filter follows it.
+        """
+        ranked: dict[str, tuple[float, Coordinate, F64, _Fit]] = {}
+        for coordinate in COORDINATES:
+            courses = self._courses()
+            at = None if coordinate.times == "friction" else nodes(coordinate, courses)
+            if at is None:
+                continue
+            over = self._columns(coordinate, at, courses)
+            found = self._fitted(over, over.shape[1] if coordinate.is_curve else 0)
+            share = self._share(found.energy)
+            if coordinate.over not in ranked or share < ranked[coordinate.over][0]:
+                ranked[coordinate.over] = share, coordinate, at, found
+        return sorted(ranked.values(), key=lambda each: each[0])
+
+    def unlisted(self) -> tuple[Unlisted, ...]:
+        """The coordinate that explains much and far more than any other; none without one."""
+        (left, coordinate, at, found), (second, *_) = self._ranking[:2]
+        if left >= _SHOWN or _AHEAD * left * (1.0 - second) >= (1.0 - left) * second:
+            return ()
+        energies = self._open.energies, found.energies, self._noise
+        share, interval = share_closed(*(energy[:, None] for energy in energies))
+        if share is None or interval is None or interval[0] <= 0.0:
+            return ()
+        coordinate, *curve = as_curve(coordinate, at, found.values, found.sigma)
+        force = ForceCurve(*(tuple(part.tolist()) for part in curve))
+        name, over, probability = (
+            self._problem.axis.name,
+            coordinate.over,
+            min(SURE_COORDINATE, share),
+        )
+        return (Unlisted(name, over, (), probability, share, interval, force, coordinate.times),)
+
+    def instead_of(self, models: Sequence[AxisModel]) -> tuple[Unlisted, ...]:
+        """The coordinate that stands out, if a curve over it explains clearly more than these.
+
+        Args:
+            models: of the library; those without effects do not count.
+        """
+        named = [model for model in models if model.terms]
+        found = self.unlisted()
+        if not found or not named:
+            return ()
+        least = min(self._left_by(model) for model in named)
+        return found if self._ranking[0][0] < _CLEARLY * least else ()
+
+    def _left_by(self, model: AxisModel) -> float:
+        """Share that a library model leaves, fitted."""
+        residual = fit(self._problem, model, 3, thorough=False).residual
+        left = self._problem.positions(residual) * self._root
+        return self._share(float(left @ left))
+
+    def _share(self, energy: float) -> float:
+        noise = float(self._noise.sum())
+        return (energy - noise) / max(self._open.energy - noise, 1e-9)
+
+    def _by_turn(self, values: F64) -> F64:
+        """Energy in each turn, float64[turns]."""
+        return np.asarray(np.bincount(self._turn, np.square(values)), np.float64)
+
+    def _courses(self) -> list[Course]:
+        """What the axis does in each recording, as the filter followed it."""
+        found = []
+        for track, tracker in zip(self._problem.tracks, self._problem.trackers, strict=True):
+            period = float(tracker.time[1])
+            quantities = {
+                "position": track.x,
+                "velocity": track.v,
+                "acceleration": np.gradient(track.v, period),
+                "force": np.asarray(track.motor, np.float64),
+                "time": tracker.time,
+            }
+            found.append(Course(quantities, None, 0.0, period))
+        return found
+
+    def _columns(self, coordinate: Coordinate, at: F64, courses: Sequence[Course]) -> F64:
+        """What a force of unit height at each node leaves, weighted, float64[R, n]."""
+        parts = []
+        for course, gains, mask in zip(
+            courses, self._problem.gains, self._problem.masks, strict=True
+        ):
+            each = columns(coordinate, at, course).T
+            parts.append([innovation_response(gains, gains.force, own)[mask] for own in each])
+        return np.concatenate([np.transpose(part) for part in parts]) * self._root[:, None]
+
+    def _fitted(self, over: F64, bent: int) -> _Fit:
+        """Columns beside the plant's figures, with the best weight of their bends.
+
+        Args:
+            over: weighted, float64[R, n].
+            bent: number of the first columns that are a curve.
+        """
+        both = np.column_stack((over, self._figures, self._target))
+        mine = [self._turn % _PARTS == part for part in range(_PARTS)]
+        squares = [both[own].T @ both[own] for own in mine]
+        total = np.sum(squares, axis=0)
+        size = over.shape[1]
+        second = bends(bent, size)
+        mean = float(np.trace(total[:size, :size])) / max(size, 1)
+        fits = []
+        for weight in _SMOOTH if bent else _SMOOTH[:1]:
+            held = np.zeros((len(total) - 1, len(total) - 1))
+            held[:size, :size] = mean * (weight * second.T @ second + _LITTLE * np.eye(size))
+            held[size:, size:] = np.diag(self._problem.spread**-2.0)
+            left = np.empty(len(both))
+            for own, square in zip(mine, squares, strict=True):
+                rest = total - square
+                values = np.linalg.solve(rest[:-1, :-1] + held, rest[:-1, -1])
+                left[own] = both[own] @ np.append(values, -1.0)
+            inverse = np.linalg.inv(total[:-1, :-1] + held)
+            energies = self._by_turn(left)
+            scale = float(energies.sum()) / len(both)
+            sigma = np.sqrt(scale * np.diag(inverse)[:size])
+            fits.append(_Fit(energies, -(inverse @ total[:-1, -1])[:size], sigma))
+        return min(fits, key=lambda each: each.energy)
