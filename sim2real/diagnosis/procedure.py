@@ -175,19 +175,19 @@ class _StageSearch:
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
             return search
-        innovations = Innovations(search.problem)
+        innovations, rivals = Innovations(search.problem), self._rivals(name)
         instead = innovations.instead_of(near)
         if instead:
-            return search.without_names(instead)
+            return search.without_names(_clearer(rivals.unlisted(name), instead))
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
-        rivals, model = self._rivals(name), found.best.model
+        model = found.best.model
         if not model.terms or not rivals.leave_names([model]):
             return found.without_names(rivals.unlisted(name) or innovations.unlisted())
         instead = innovations.instead_of([model])
         if instead:
-            return found.without_names(instead)
+            return found.without_names(_clearer(rivals.unlisted(name), instead))
         doubted, unlisted = rivals.beside(model)
         return replace(found, doubted=doubted, unlisted=unlisted)
 
@@ -252,6 +252,14 @@ class _StageSearch:
     def _tolerance_of(self, name: str) -> float:
         """Relative standard deviation of an axis' plant figures."""
         return max(self._tolerance.get(name, 0.0), _LEAST_TOLERANCE)
+
+
+def _clearer(along: Sequence[Unlisted], other: Sequence[Unlisted]) -> Sequence[Unlisted]:
+    """The coordinate seen along the motion, or another one that innovations show more clearly."""
+    if not along:
+        return other
+    is_clearer = along[0].over != other[0].over and along[0].gap_closed < other[0].gap_closed
+    return other if is_clearer else along
 
 
 def _refit_coupled(

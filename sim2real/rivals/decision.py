@@ -287,7 +287,7 @@ def find_rivals(screen: Screen) -> Rivals:
     if screen.samples < _FEWEST:
         return Rivals(screen, ())
     curves = _curves(screen, COORDINATES)
-    if screen.closed(curves[0].prediction) < _MOST:
+    if screen.closed(curves[0].prediction) < ENOUGH:
         curves = _ranked([*curves, *_curves(screen, WAVES)])
     best, closed = curves[0].coordinate, screen.closed(curves[0].prediction)
     closer = NARROW if best.along == "position" or closed < _MOST else ()
