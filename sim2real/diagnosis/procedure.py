@@ -168,16 +168,13 @@ class _StageSearch:
         near = first[:FITTED] if is_open else []
         if self.is_curve(name, [search.best.model, *near], is_complete=not is_open):
             rivals = self._rivals(name)
-            # Those of transmissions have not been tried so far.
-            transmitted = [e for n, e in self._all.items() if n not in self._library]
-            alone = fit_alone(rivals.screen.loop, transmitted)
-            if not rivals.leave_names(alone, leaves_structure=is_open):
+            if not rivals.leave_names(self._transmitted(name), leaves_structure=is_open):
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
             return search
         innovations, rivals = Innovations(search.problem), self._rivals(name)
-        instead = innovations.instead_of(near)
-        if instead:
+        instead = innovations.unlisted()
+        if instead and innovations.instead_of([*near, *self._transmitted(name)]):
             return search.without_names(_clearer(rivals.unlisted(name), instead))
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
@@ -190,6 +187,11 @@ class _StageSearch:
             return found.without_names(_clearer(rivals.unlisted(name), instead))
         doubted, unlisted = rivals.beside(model)
         return replace(found, doubted=doubted, unlisted=unlisted)
+
+    def _transmitted(self, name: str) -> list[AxisModel]:
+        """Each effect of transmissions alone, fitted: the search by innovations has tried none."""
+        transmitted = [e for n, e in self._all.items() if n not in self._library]
+        return fit_alone(self._rivals(name).screen.loop, transmitted)
 
     def _start_at_peak(self, name: str, search: AxisSearch) -> AxisSearch:
         """The search with bells that start where a curve over position has a narrow bump.

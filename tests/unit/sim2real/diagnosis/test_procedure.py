@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from signal import SIGINT, pthread_kill
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
 from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
-from sim2real.diagnosis.procedure import _StageSearch
+from sim2real.diagnosis.procedure import _clearer, _StageSearch
 from sim2real.fitting import NUISANCES, AxisModel, Term, Workers, compose_stage
 from sim2real.gap import compare_with_model, gap_closed
 from tests.signals import as_in_a_terminal
@@ -276,3 +277,20 @@ def test_a_force_constant_beside_what_it_scales_is_no_curve(nominal):
         )
         assert stage.curves("x")[0].gap_closed > 0.8
         assert not stage.is_curve("x", [model], is_complete=True)
+
+
+@pytest.mark.parametrize(
+    ("along", "other", "shown"),
+    [
+        (None, ("force", 0.8), "force"),
+        (("force", 0.4), ("force", 0.8), "force along"),
+        (("time", 0.4), ("force", 0.8), "force"),
+        (("time", 0.9), ("force", 0.6), "time along"),
+    ],
+)
+def test_innovations_give_the_coordinate_where_they_show_it_more_clearly(along, other, shown):
+    def found(over, closed, where=""):
+        return (SimpleNamespace(over=over, gap_closed=closed, text=f"{over} {where}".strip()),)
+
+    (clearer,) = _clearer(found(*along, "along") if along else (), found(*other))
+    assert clearer.text == shown
