@@ -190,8 +190,7 @@ class Unlisted:
         alike: coordinates that these recordings cannot tell from it.
         probability: that it is the right one.
         gap_closed: share of the axis' gap in force along the motion that the curve closes on
-            held-out moves; beside causes, of what these leave; where friction's wander hides it
-            there, the share of the one-step prediction errors beyond noise.
+            held-out moves; beside causes, of what these leave; see `seen_in`.
         gap_closed_interval: 95 % interval of it.
         curve: the force. Over position_direction it is that of forward motion; over reversal_path
             the force after a full reversal; over frequency amplitudes of oscillators driven by the
@@ -199,6 +198,8 @@ class Unlisted:
         times: "force" where the curve is multiplied by the motor force over its rms, "friction"
             where it changes sign with the direction, "history" where it depends on where the
             coordinate last turned; "" for neither, or where `over` says it.
+        seen_in: "innovations" where friction's wander hides it along the motion: `gap_closed` is
+            then the share of the one-step prediction errors beyond noise; else "".
     """
 
     axis: str
@@ -209,6 +210,7 @@ class Unlisted:
     gap_closed_interval: tuple[Number, Number]
     curve: ForceCurve
     times: Annotated[str, GIVEN] = ""
+    seen_in: Annotated[str, GIVEN] = ""
 
 
 @dataclass(frozen=True, slots=True)

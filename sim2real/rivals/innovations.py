@@ -102,21 +102,20 @@ class Innovations:
 
     def unlisted(self) -> tuple[Unlisted, ...]:
         """The coordinate that explains much and far more than any other; none without one."""
-        (left, coordinate, at, found), (second, *_) = self._ranking[:2]
+        (left, coordinate, at, fitted), (second, *_) = self._ranking[:2]
         if left >= _SHOWN or _AHEAD * left * (1.0 - second) >= (1.0 - left) * second:
             return ()
-        energies = self._open.energies, found.energies, self._noise
+        energies = self._open.energies, fitted.energies, self._noise
         share, interval = share_closed(*(energy[:, None] for energy in energies))
         if share is None or interval is None or interval[0] <= 0.0:
             return ()
-        coordinate, *curve = as_curve(coordinate, at, found.values, found.sigma)
+        coordinate, *curve = as_curve(coordinate, at, fitted.values, fitted.sigma)
         force = ForceCurve(*(tuple(part.tolist()) for part in curve))
-        name, over, probability = (
-            self._problem.axis.name,
-            coordinate.over,
-            min(SURE_COORDINATE, share),
-        )
-        return (Unlisted(name, over, (), probability, share, interval, force, coordinate.times),)
+        found = Unlisted(
+            self._problem.axis.name, coordinate.over, (), min(SURE_COORDINATE, share), share,
+            interval, force, coordinate.times, seen_in="innovations",
+        )  # fmt: skip
+        return (found,)
 
     def instead_of(self, models: Sequence[AxisModel]) -> tuple[Unlisted, ...]:
         """The coordinate that stands out, if a curve over it explains clearly more than these.
@@ -133,7 +132,7 @@ class Innovations:
 
     def _left_by(self, model: AxisModel) -> float:
         """Share that a library model leaves, fitted."""
-        residual = fit(self._problem, model, 3, thorough=False).residual
+        residual = fit(self._problem, model, 1, thorough=False).residual
         left = self._problem.positions(residual) * self._root
         return self._share(float(left @ left))
 

@@ -29,6 +29,8 @@ _TIMES = {
     "friction": " that changes sign with the direction",
     "history": ", with hysteresis,",
 }
+_OF_FORCE = " of the gap in force"
+_CLOSED_OF = {"": "", "innovations": " of the one-step prediction errors"}
 _VERDICTS = {
     "no_gap": Fact("No gap", "good"),
     "explained": Fact("Explained", "good"),
@@ -136,7 +138,7 @@ def headline(report: findings.GapReport) -> str:
     coordinate = ""
     if report.unlisted:
         first = report.unlisted[0]
-        closes = f"closes {percent(first.gap_closed)} of the gap in force"
+        closes = f"closes {percent(first.gap_closed)}{_CLOSED_OF[first.seen_in] or _OF_FORCE}"
         coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} {closes}"
     match report.verdict:
         case "no_gap":
@@ -253,9 +255,8 @@ def _over_coordinate(found: findings.Unlisted) -> Fact:
     low, high = found.gap_closed_interval
     text = (
         f"{found.axis}: a force {OVER_WORDS[found.over]}{_TIMES[found.times]} that no effect of "
-        "the library has; closes "
-        f"{percent(found.gap_closed)} ({100 * low:.0f} to {100 * high:.0f} %), "
-        f"p = {found.probability:.2f}"
+        f"the library has; closes {percent(found.gap_closed)} ({100 * low:.0f} to "
+        f"{100 * high:.0f} %){_CLOSED_OF[found.seen_in]}, p = {found.probability:.2f}"
     )
     if found.alike:
         others = listed([OVER_WORDS[over] for over in found.alike])

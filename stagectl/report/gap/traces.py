@@ -132,8 +132,9 @@ def curve_panel(found: Unlisted, axis: AxisSettings) -> Panel:
         np.array(part) for part in (found.curve.at, found.curve.force, found.curve.sigma)
     )
     curves = [Curve("measured", at, force, force - sigma, force + sigma)]
-    label = f"{found.over.replace('_', ' ')} [{axis.unit_of(OVER[found.over])}]"
-    title = f"Axis {found.axis}: force over {found.over.replace('_', ' ')}"
+    over = found.over.replace("_", " ") + (" since it turned" if found.times == "history" else "")
+    label = f"{over} [{axis.unit_of(OVER[found.over])}]"
+    title = f"Axis {found.axis}: force over {over}"
     return Panel(title, Chart(curves, label, f"force [{axis.unit_of('N')}]"))
 
 

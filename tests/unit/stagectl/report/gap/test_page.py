@@ -106,6 +106,23 @@ def test_the_page_is_complete_and_loads_nothing(examined, explained):
     assert not re.search(r"\bnan\b", page, re.IGNORECASE)
 
 
+def test_a_coordinate_seen_in_innovations_says_what_it_closes(examined, explained):
+    curve = ForceCurve((0.0, 1.0), (-1.0, 1.0), (0.1, 0.1))
+    unlisted = Unlisted(
+        "y", "force", (), 0.8, 0.8, (0.7, 0.9), curve, "history", seen_in="innovations"
+    )
+    page = render_gap_page(
+        replace(explained, verdict="unexplained", causes=(), unlisted=(unlisted,)), examined, "m"
+    )
+    for text in (
+        "on y a force over motor force closes 80 % of the one-step prediction errors",
+        "y: a force over motor force, with hysteresis, that no effect of the library has; "
+        "closes 80 % (70 to 90 %) of the one-step prediction errors, p = 0.80",
+        "Axis y: force over force since it turned",
+    ):
+        assert text in page.replace("\u00a0", " ")
+
+
 def test_changed_and_kept_figures_are_told(examined, explained):
     page = render_gap_page(explained, examined, "m")
     table = re.search(r"<h2>Plant figures</h2>(.*?)</section>", page, re.S)[1]
