@@ -16,14 +16,14 @@ from contextlib import suppress
 from types import FrameType
 
 _STOPPED = 130
-_BETWEEN_COLLECTIONS = 100_000
+BETWEEN_COLLECTIONS = 100_000
 """New objects between two garbage collections. At Python's 700, imports, which keep what they make,
 would have all of it looked through hundreds of times: a tenth of a short command."""
 
 
 def main() -> None:
     """Run the command line; for exit codes see `stagectl.cli`."""
-    gc.set_threshold(_BETWEEN_COLLECTIONS)
+    gc.set_threshold(BETWEEN_COLLECTIONS)
     # Read when numpy is first imported, here or in a child. What takes long has threads of its own;
     # more inside linear algebra would wait for each other at full load.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

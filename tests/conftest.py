@@ -11,6 +11,7 @@ test that fails while the machine was there has failed.
 """
 
 import functools
+import gc
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ import canopen
 import hypothesis
 import pytest
 
+from stagectl.__main__ import BETWEEN_COLLECTIONS
 from tests.starvation import DisturbedError, Watch
 
 REQUIRED = "STAGECTL_REQUIRE_VCAN"
@@ -75,6 +77,7 @@ def vcan_outcome(record_property):
 
 
 def pytest_configure():
+    gc.set_threshold(BETWEEN_COLLECTIONS)
     for name in TERMINAL:  # of this process and those that it starts
         os.environ.pop(name, None)
 

@@ -6,8 +6,6 @@ import time
 
 import pyarrow.parquet as pq
 import pytest
-import s3fs
-from moto.server import ThreadedMotoServer
 
 from benchmarks.fleet.campaign import make_recordings, run_chaos
 from tests.command import stagectl
@@ -28,6 +26,9 @@ def recordings(tmp_path_factory):
 @pytest.fixture
 def bucket(recordings, monkeypatch):
     """A bucket with the recordings."""
+    import s3fs  # slow to import, and only here
+    from moto.server import ThreadedMotoServer
+
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)

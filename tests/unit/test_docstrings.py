@@ -76,6 +76,7 @@ def _is_public(node):
     return isinstance(node, kinds) and not node.name.startswith("_")
 
 
+@cache
 def _functions():
     """(module, name, function, docstring of its class) of all that is offered."""
     done = {}
@@ -106,9 +107,6 @@ def _own_classes(thing):
             )
 
 
-FUNCTIONS = _functions()
-
-
 def _annotations(function):
     a = function.args
     every = [*a.posonlyargs, *a.args, *a.kwonlyargs]
@@ -118,8 +116,8 @@ def _annotations(function):
 
 
 def test_there_are_functions_to_look_at():
-    assert len(FUNCTIONS) > 150
-    assert "drivers.stage.stage.Stage.stream" in FUNCTIONS
+    assert len(_functions()) > 150
+    assert "drivers.stage.stage.Stage.stream" in _functions()
 
 
 def _lacks(function, of_class):
@@ -155,18 +153,18 @@ def _project_errors():
 
 
 def test_arrays_have_shapes_and_figures_units():
-    found = {name: _lacks(f, of_class) for name, (_, f, of_class) in FUNCTIONS.items()}
+    found = {name: _lacks(f, of_class) for name, (_, f, of_class) in _functions().items()}
     assert {name: lacks for name, lacks in found.items() if lacks} == {}
 
 
 def test_errors_that_are_raised_are_named():
-    found = {name: _unnamed_errors(f, of_class) for name, (_, f, of_class) in FUNCTIONS.items()}
+    found = {name: _unnamed_errors(f, of_class) for name, (_, f, of_class) in _functions().items()}
     assert {name: errors for name, errors in found.items() if errors} == {}
 
 
 def test_equations_and_objects_have_a_source():
     without = []
-    for module in {m for m, _, _ in FUNCTIONS.values() if m.startswith(OBJECTS_AND_EQUATIONS)}:
+    for module in {m for m, _, _ in _functions().values() if m.startswith(OBJECTS_AND_EQUATIONS)}:
         tree = _tree(module)
         texts = [ast.get_docstring(n) or "" for n in (tree, *filter(_is_public, tree.body))]
         if not SOURCE.search(" ".join(texts)):
