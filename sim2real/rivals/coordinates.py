@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from sim2real.filters import filtered
 from sim2real.open_loop import Motion
@@ -288,17 +289,18 @@ def find_wave(
     clock = period * np.arange(count)
     step = 2.0 / extent**2
     most = 0 if coordinate.times else min(_RATES, int(_RISE / step))
-    lines = round(top * extent * _PADDED)
+    length = next_fast_len(_PADDED * count)
+    lines = round(top * length * period)
 
     def power(rate: float) -> F64:
         turned = series * np.exp(-1j * math.pi * rate * clock**2) if rate else series
-        spectrum = np.fft.fft(turned, _PADDED * count)
+        spectrum = np.fft.fft(turned, length)
         return np.asarray(np.abs(spectrum[_PADDED : lines + 1]))
 
     rates = step * np.arange(-most, most + 1)
     highest = np.array([power(rate).max() for rate in rates])
     rate = float(rates[highest.argmax()])
-    frequency = (_PADDED + int(power(rate).argmax())) / (_PADDED * count * period)
+    frequency = (_PADDED + int(power(rate).argmax())) / (length * period)
     tries = np.linspace(-1.0, 1.0, 2 * _FINE + 1)
 
     def at(frequency: float, rate: float) -> float:

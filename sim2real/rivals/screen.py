@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from hil_sim.plant import force_variants
 from sim2real.fitting import MAX_SIGMAS, STEP, AxisModel, with_figures
@@ -100,6 +101,82 @@ class Curve:
     force: F64
     sigma: F64
     prediction: Prediction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Columns with their squares, fitted to all groups but one and judged on that one.
+
+    Attributes:
+        parts: columns, figures, what goes with acceleration, and the residual, of each group.
+        blocks: number of the move of each sample of a group.
+        squares: of the parts.
+        size: number of the columns.
+        moved: sigmas that the figures behind them are off, float64[F].
+        coherent: samples that count as one.
+        moves: their number.
+    """
+
+    parts: tuple[F64, ...]
+    blocks: tuple[NDArray[np.int64], ...]
+    squares: tuple[F64, ...]
+    size: int
+    moved: F64
+    coherent: float
+    moves: int
+
+    def best(self, penalties: Sequence[F64]) -> F64:
+        """Values fitted to all moves with the best of these penalties, as of `judged`."""
+        prior, _, _ = self._chosen(penalties)
+        return self._values(np.sum(self.squares, axis=0), prior)
+
+    def judged(self, penalties: Sequence[F64]) -> Prediction:
+        """The prediction with the best of these penalties.
+
+        Args:
+            penalties: float64[n, n] per sample and squared column, each.
+        """
+        prior, energies, folds = self._chosen(penalties)
+        total = np.sum(self.squares, axis=0)
+        samples = sum(map(len, self.parts))
+        noise = self.coherent * max(float(energies.sum()) / max(samples, 1), 1.0)
+        inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
+        sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
+        return Prediction(energies, self._values(total, prior), sigma, folds)
+
+    def _chosen(self, penalties: Sequence[F64]) -> tuple[F64, F64, tuple[F64, ...]]:
+        """The best penalty as a prior of all values, energies of the moves, and values by group."""
+        total = np.sum(self.squares, axis=0)
+        mean = max(float(np.trace(total[: self.size, : self.size])) / max(self.size, 1), 1e-12)
+        plain = np.zeros((len(total) - 1, len(total) - 1))
+        plain[self._own, self._own] = self.coherent * np.eye(len(self.moved))
+        priors = []
+        for penalty in penalties:
+            there = plain.copy()
+            there[: self.size, : self.size] += mean * (penalty + _LITTLE * np.eye(self.size))
+            priors.append(there)
+        energies = np.zeros((self.moves, len(priors)))
+        folds = []
+        for part, block, square in zip(self.parts, self.blocks, self.squares, strict=True):
+            values = [self._values(total - square, there) for there in priors]
+            folds.append(values)
+            first = np.flatnonzero(np.diff(block, prepend=-1))
+            if len(first):
+                left = (part[:, :-1] @ np.transpose(values) + part[:, -1:]) ** 2
+                energies[block[first]] = np.add.reduceat(left, first)
+        best = int(energies.sum(axis=0).argmin())
+        return priors[best], energies[:, best], tuple(values[best] for values in folds)
+
+    @property
+    def _own(self) -> slice:
+        """The figures among the values."""
+        return slice(self.size, self.size + len(self.moved))
+
+    def _values(self, squares: F64, prior: F64) -> F64:
+        held = np.zeros(len(prior))
+        held[self._own] = self.coherent * self.moved
+        bounds = self._own, -MAX_SIGMAS - self.moved, MAX_SIGMAS - self.moved
+        return _solve(squares, prior, held, bounds)
 
 
 class Screen:
@@ -228,16 +305,17 @@ class Screen:
             over: columns of all curves and of what is fitted beside them, float64[R, n].
             second: as of `together`.
             small: as of `together`.
-            beside: as of `_predict`.
+            beside: as of `_fit`.
         """
+        fit = self._fit(over, beside)
         held = small * np.eye(over.shape[1])
         if not len(second):
-            return self._predict(over, [held], beside)
-        found = self._predict(over, [w * (second.T @ second + held) for w in _SMOOTH], beside)
-        bent = np.abs(second @ found.values[: over.shape[1]])
+            return fit.judged([held])
+        values = fit.best([w * (second.T @ second + held) for w in _SMOOTH])
+        bent = np.abs(second @ values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
         by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second
-        return self._predict(over, [w * (by_size + held) for w in (*_SMOOTH, 10.0)], beside)
+        return fit.judged([w * (by_size + held) for w in (*_SMOOTH, 10.0)])
 
     def linear(self, model: AxisModel) -> Linear | None:
         """A library model and its derivatives; None where it cannot be simulated."""
@@ -256,7 +334,7 @@ class Screen:
     def predict(self, linear: Linear) -> Prediction:
         """A library model, fitted again from where it is."""
         size = linear.effects.shape[1]
-        return self._predict(linear.effects, [np.zeros((size, size))], linear)
+        return self._fit(linear.effects, linear).judged([np.zeros((size, size))])
 
     def _friction(self, number: int) -> F64:
         """What a Coulomb force of 1 N adds to the force along the motion, float64[P] [N]."""
@@ -282,52 +360,20 @@ class Screen:
         forces = np.column_stack((acceleration, np.gradient(acceleration, course.period)))
         return self._seen(number, forces / np.maximum(forces.std(axis=0), 1e-12))
 
-    def _predict(
-        self, over: F64, penalties: Sequence[F64], beside: Linear | None = None
-    ) -> Prediction:
-        """Fit columns to all groups but one, evaluate that one; the best of several penalties.
+    def _fit(self, over: F64, beside: Linear | None = None) -> _Fit:
+        """Columns, to be fitted to all groups but one.
 
         Args:
             over: float64[R, n].
-            penalties: float64[n, n] per sample and squared column, each.
             beside: residual, and figures that are fitted, too; None: those of the machine file.
         """
         beside = beside or self._plain
-        size, coherent, base = over.shape[1], self._coherent, beside.figures
-        both = np.column_stack((over, base, self._beside, beside.residual))
-        parts = [both[self._group == group] for group in range(GROUPS)]
-        squares = [part.T @ part for part in parts]
-        total = np.sum(squares, axis=0)
-        figures = base.shape[1]
-        own = slice(size, size + figures)
-        prior = np.zeros((len(total) - 1, len(total) - 1))
-        prior[own, own] = coherent * np.eye(figures)
-        held = np.zeros(len(prior))
-        held[own] = coherent * beside.moved
-        bounds = own, -MAX_SIGMAS - beside.moved, MAX_SIGMAS - beside.moved
-        mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
-
-        priors = []
-        for penalty in penalties:
-            there = prior.copy()
-            there[:size, :size] += mean * (penalty + _LITTLE * np.eye(size))
-            priors.append(there)
-        energies = np.zeros((len(self.loop.samples), len(priors)))
-        for group, part in enumerate(parts):
-            rest = total - squares[group]
-            values = [np.append(_solve(rest, there, held, bounds), 1.0) for there in priors]
-            block = self._block[self._group == group]
-            first = np.flatnonzero(np.diff(block, prepend=-1))
-            if len(first):
-                left = (part @ np.transpose(values)) ** 2
-                energies[block[first]] = np.add.reduceat(left, first)
-        best = int(energies.sum(axis=0).argmin())
-        prior, energy = priors[best], float(energies[:, best].sum())
-        inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
-        noise = coherent * max(energy / max(len(over), 1), 1.0)
-        sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
-        folds = tuple(_solve(total - part, prior, held, bounds) for part in squares)
-        return Prediction(energies[:, best], _solve(total, prior, held, bounds), sigma, folds)
+        both = np.column_stack((over, beside.figures, self._beside, beside.residual))
+        parts = tuple(both[self._group == group] for group in range(GROUPS))
+        blocks = tuple(self._block[self._group == group] for group in range(GROUPS))
+        squares = tuple(part.T @ part for part in parts)
+        size, moves = over.shape[1], len(self.loop.samples)
+        return _Fit(parts, blocks, squares, size, beside.moved, self._coherent, moves)
 
     def _wave(self, coordinate: Coordinate) -> F64 | None:
         """The wave over time that takes most of the force, as `find_wave`."""
@@ -359,10 +405,11 @@ def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) 
     """
     normal, slope = squares[:-1, :-1] + prior, squares[:-1, -1] + held
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size) + 1e-12 * np.eye(len(size))
+    scaled = normal / size / size[:, None]
+    scaled.flat[:: len(size) + 1] += 1e-12
     own, low, high = bounds
     free = np.ones(len(size), dtype=np.bool_)
-    values = -np.linalg.solve(scaled, slope / size) / size
+    values = -_solve_positive(scaled, slope / size) / size
     while True:
         within = np.clip(values[own], low, high)
         beyond = np.flatnonzero(within != values[own]) + own.start
@@ -370,7 +417,13 @@ def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) 
             return np.asarray(values)
         values[own], free[beyond] = within, False
         there = (slope + normal[:, ~free] @ values[~free])[free] / size[free]
-        values[free] = -np.linalg.solve(scaled[np.ix_(free, free)], there) / size[free]
+        values[free] = -_solve_positive(scaled[np.ix_(free, free)], there) / size[free]
+
+
+def _solve_positive(normal: F64, slope: F64) -> F64:
+    """Solution of normal equations, by Cholesky unless rounding has spoiled them."""
+    _, values, failed = dposv(normal, slope)
+    return np.asarray(np.linalg.solve(normal, slope) if failed else values)
 
 
 def bends(bent: int, size: int) -> F64:
