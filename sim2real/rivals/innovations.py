@@ -182,7 +182,7 @@ class Innovations:
         total = np.sum(squares, axis=0)
         size = over.shape[1]
         second = bends(bent, size)
-        mean = float(np.trace(total[:size, :size])) / max(size, 1)
+        mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
         fits = []
         for weight in _SMOOTH if bent else _SMOOTH[:1]:
             held = np.zeros((len(total) - 1, len(total) - 1))
