@@ -140,7 +140,7 @@ class _Fit:
         total = np.sum(self.squares, axis=0)
         samples = sum(map(len, self.parts))
         noise = self.coherent * max(float(energies.sum()) / max(samples, 1), 1.0)
-        inverse = np.linalg.pinv(total[:-1, :-1] + prior, hermitian=True)
+        inverse = np.linalg.inv(_normal(total, prior))
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
         return Prediction(energies, self._values(total, prior), sigma, folds)
 
@@ -311,11 +311,12 @@ class Screen:
         held = small * np.eye(over.shape[1])
         if not len(second):
             return fit.judged([held])
-        values = fit.best([w * (second.T @ second + held) for w in _SMOOTH])
+        squared = second.T @ second + held
+        values = fit.best([w * squared for w in _SMOOTH])
         bent = np.abs(second @ values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
-        by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second
-        return fit.judged([w * (by_size + held) for w in (*_SMOOTH, 10.0)])
+        by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second + held
+        return fit.judged([w * by_size for w in (*_SMOOTH, 10.0)])
 
     def linear(self, model: AxisModel) -> Linear | None:
         """A library model and its derivatives; None where it cannot be simulated."""
@@ -403,26 +404,30 @@ def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) 
         held: slope of the prior's cost at 0, float64[n].
         bounds: which values have a lowest and a highest one, and these.
     """
-    normal, slope = squares[:-1, :-1] + prior, squares[:-1, -1] + held
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / size / size[:, None]
-    scaled.flat[:: len(size) + 1] += 1e-12
+    normal, slope = _normal(squares, prior), squares[:-1, -1] + held
     own, low, high = bounds
-    free = np.ones(len(size), dtype=np.bool_)
-    values = -_solve_positive(scaled, slope / size) / size
+    free = np.ones(len(slope), dtype=np.bool_)
+    values = -_solve_positive(normal, slope)
     while True:
         within = np.clip(values[own], low, high)
         beyond = np.flatnonzero(within != values[own]) + own.start
         if not len(beyond):
-            return np.asarray(values)
+            return values
         values[own], free[beyond] = within, False
-        there = (slope + normal[:, ~free] @ values[~free])[free] / size[free]
-        values[free] = -_solve_positive(scaled[np.ix_(free, free)], there) / size[free]
+        there = (slope + normal[:, ~free] @ values[~free])[free]
+        values[free] = -_solve_positive(normal[np.ix_(free, free)], there)
+
+
+def _normal(squares: F64, prior: F64) -> F64:
+    """Normal equations with a ridge that hardly counts, float64[n, n]."""
+    normal = squares[:-1, :-1] + prior
+    normal.flat[:: len(normal) + 1] += 1e-12 * np.diag(normal) + 1e-300
+    return normal
 
 
 def _solve_positive(normal: F64, slope: F64) -> F64:
     """Solution of normal equations, by Cholesky unless rounding has spoiled them."""
-    _, values, failed = dposv(normal, slope)
+    _, values, failed = dposv(normal.T, slope)
     return np.asarray(np.linalg.solve(normal, slope) if failed else values)
 
 
