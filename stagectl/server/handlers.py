@@ -107,7 +107,7 @@ def acknowledge(
 def stop(service: Service, command: ask.Stop, request: ask.Request) -> dict[str, bool]:
     """Stop whatever is under way."""
     reason = _reason(command, request)
-    service.handover.stop.press(reason)
+    service.keeper.stop(reason)
     service.runner.abort(reason)
     service.notices.say("stopping", reason)
     return {"pressed": True}

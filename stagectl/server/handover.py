@@ -72,7 +72,7 @@ class StopButton:
 
     def __init__(self) -> None:
         self._reason: str | None = None
-        self._heeded = False
+        self._heeded: str | None = None
 
     def press(self, reason: str) -> None:
         """Stop the stage, for this reason."""
@@ -85,13 +85,12 @@ class StopButton:
             Aborted: it was; the stage's methods stop the axes on any exception.
         """
         if self._reason is not None:
-            reason, self._reason = self._reason, None
-            self._heeded = True
-            raise Aborted(reason)
+            self._heeded, self._reason = self._reason, None
+            raise Aborted(self._heeded)
 
-    def was_heeded(self) -> bool:
-        """Whether `check` has raised since this was last called."""
-        heeded, self._heeded = self._heeded, False
+    def was_heeded(self) -> str | None:
+        """The reason if `check` has raised since this was last called, else None."""
+        heeded, self._heeded = self._heeded, None
         return heeded
 
 

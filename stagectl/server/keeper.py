@@ -12,7 +12,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
@@ -116,6 +116,14 @@ class StageKeeper(threading.Thread):
         """Have something done; what becomes of it is handed over as `JobEnded`."""
         self._inbox.put(work)
 
+    def stop(self, reason: str) -> None:
+        """Stop what is under way, and what has been submitted but not begun."""
+        with suppress(Empty):
+            while True:
+                work = self._inbox.get_nowait()
+                self._handover.give(JobEnded(work.job, None, Aborted(reason)))
+        self._handover.stop.press(reason)
+
     def end(self) -> None:
         """Disable the axes, close the bus and end the thread."""
         self._ending.set()
@@ -176,6 +184,9 @@ class StageKeeper(threading.Thread):
         self._alone, result, error = None, None, None
         try:
             with drivers_failures():
+                stopped = self._handover.stop.was_heeded()  # while the stage was closed
+                if stopped is not None:
+                    raise Aborted(stopped)
                 result = work.alone(bus)
         except BaseException as why:  # noqa: BLE001  becomes the job's
             error = why
@@ -228,7 +239,7 @@ class StageKeeper(threading.Thread):
         except BaseException as why:  # noqa: BLE001  becomes the job's
             error = why
             self._take_failure(stage, why)
-        if self._handover.stop.was_heeded() and stage.enabled:
+        if self._handover.stop.was_heeded() is not None and stage.enabled:
             stage.safe_stop()  # the button was seen between two motions
         self._idle_since = time.monotonic()
         self._rest(stage)
@@ -259,6 +270,7 @@ class StageKeeper(threading.Thread):
             else:
                 stage.watch(_WATCH, checked=not self._faulted)
         except Aborted as stopped:
+            self._handover.stop.was_heeded()  # here, and not in the next job
             stage.safe_stop()
             self._handover.give(Said(str(stopped)))
         except DriverError as error:
