@@ -33,7 +33,7 @@ $(INSTALLED): pyproject.toml requirements/run.txt
 
 # What it takes to test, beside that. One package has no wheel, and is built by what is installed.
 $(DEV): $(INSTALLED) requirements/dev.txt
-	$(LOCKED) --no-compile --no-build-isolation --requirement requirements/dev.txt
+	$(LOCKED) --no-build-isolation --requirement requirements/dev.txt
 	@touch $@
 
 # What the operator's page takes beside that.

@@ -32,7 +32,7 @@ INCONCLUSIVE = "Skipped: inconclusive"
 FIRST = (
     "test_mistakes.py", "test_gap_input.py", "test_ports.py", "test_identify.py",
     "test_vcan.py", "test_server.py", "test_console_in_browser.py", "test_procedure.py",
-    "test_along_motion.py", "test_fleet.py", "test_cache.py",
+    "test_along_motion.py", "test_cache.py",
 )  # fmt: skip
 """In a fresh clone the first four compile most kernels, no two the same ones: before all that need
 them, and side by side where there are workers. The others take longest: begun late, one of them
