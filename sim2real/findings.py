@@ -192,9 +192,8 @@ class Unlisted:
         gap_closed: share of the axis' gap in force along the motion that the curve closes on
             held-out moves; beside causes, of what these leave; see `seen_in`.
         gap_closed_interval: 95 % interval of it.
-        curve: the force. Over position_direction it is that of forward motion; over reversal_path
-            the force after a full reversal; over frequency amplitudes of oscillators driven by the
-            acceleration.
+        curve: the force. Over position_direction that of forward motion, over reversal_path after a
+            full reversal, over frequency amplitudes of oscillators driven by the acceleration.
         times: "force" where the curve is multiplied by the motor force over its rms, "friction"
             where it changes sign with the direction, "history" where it depends on where the
             coordinate last turned; "" for neither, or where `over` says it.

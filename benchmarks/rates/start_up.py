@@ -44,11 +44,12 @@ MOVES = """
 import gc, tempfile, time
 from datetime import UTC, datetime
 from pathlib import Path
+from stagectl.__main__ import BETWEEN_COLLECTIONS
 from stagectl.config import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, SimulatedStage, execute
 
-gc.set_threshold(100_000)  # as the program does
+gc.set_threshold(BETWEEN_COLLECTIONS)  # as the program does
 machine = load_machine(None)
 recipe = load_recipe(Path("recipes/inspection-20.yaml"), machine)
 rates = []

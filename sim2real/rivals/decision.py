@@ -21,7 +21,8 @@ from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import STEP, AxisModel, coordinates, is_coulomb_level
 from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
-from sim2real.rivals.screen import Curve, Linear, Prediction, Screen
+from sim2real.rivals.grouped_fit import Prediction
+from sim2real.rivals.screen import Curve, Linear, Screen
 from sim2real.scoring.constants import ENOUGH, NEAR, SURE_COORDINATE
 
 _LITTLE, _MUCH = 0.02, 0.2

@@ -30,7 +30,8 @@ from sim2real.findings import EmpiricalForce, Unlisted
 from sim2real.gap import NO_GAP_BELOW
 from sim2real.open_loop import MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve
-from sim2real.rivals.screen import Screen, bends
+from sim2real.rivals.grouped_fit import bends
+from sim2real.rivals.screen import Screen
 from stagedata import F64
 
 _PLACES = 13

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +19,7 @@ from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import AxisModel, AxisProblem, fit
 from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import COORDINATES, Coordinate, Course, as_curve, columns, nodes
-from sim2real.rivals.screen import bends
+from sim2real.rivals.grouped_fit import GroupedFit, Prediction, bends
 from sim2real.scoring.constants import SURE_COORDINATE
 from sim2real.tracking import innovation_response
 from stagedata import F64
@@ -29,33 +28,11 @@ _PARTS, _LENGTH = 8, 500
 """Parts of the recording, which take turns, and samples of a turn."""
 _SMOOTH = (1e-4, 1e-2, 1.0)
 """Weights of the penalty on second differences that are tried."""
-_LITTLE = 1e-6
-"""Weight of the penalty on every height."""
 _CLEARLY = 0.5
 """What a curve may leave of what library effects leave, to take their names away."""
 _SHOWN, _AHEAD = 0.75, 3.0
 """What a curve may leave to be an answer; and by how much its odds, of what it explains to what it
 leaves, have to exceed the next coordinate's."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """Columns fitted to innovations.
-
-    Attributes:
-        energies: of the deviations in each turn by a fit to the other parts, float64[turns].
-        values: of the columns by a fit to all, float64[n] [N].
-        sigma: of these.
-    """
-
-    energies: F64
-    values: F64
-    sigma: F64
-
-    @property
-    def energy(self) -> float:
-        """Of all turns."""
-        return float(self.energies.sum())
 
 
 class Innovations:
@@ -76,20 +53,20 @@ class Innovations:
         self._root = np.sqrt(self._problem.weights(left))
         self._target = left * self._root
         figures = self._problem.base_columns(plain.model, plain.residual)[: len(left)]
-        self._figures = figures * self._root[:, None]
+        self._figures = figures * self._problem.spread * self._root[:, None]
         self._turn = np.arange(len(left)) // _LENGTH
         self._noise = self._problem.noise_energy * self._by_turn(self._root)
         self._open = self._fitted(np.empty((len(self._target), 0)), 0)
 
     @cached_property
-    def _ranking(self) -> Sequence[tuple[float, Coordinate, F64, _Fit]]:
+    def _ranking(self) -> Sequence[tuple[float, Coordinate, F64, Prediction]]:
         """The best curve over each coordinate: what share it leaves, its nodes and fit.
 
         The best first. What changes sign with friction is not among them: the filter follows it.
         """
-        ranked: dict[str, tuple[float, Coordinate, F64, _Fit]] = {}
+        ranked: dict[str, tuple[float, Coordinate, F64, Prediction]] = {}
+        courses = self._courses()
         for coordinate in COORDINATES:
-            courses = self._courses()
             at = None if coordinate.times == "friction" else nodes(coordinate, courses)
             if at is None:
                 continue
@@ -109,7 +86,8 @@ class Innovations:
         share, interval = share_closed(*(energy[:, None] for energy in energies))
         if share is None or interval is None or interval[0] <= 0.0:
             return ()
-        coordinate, *curve = as_curve(coordinate, at, fitted.values, fitted.sigma)
+        own = slice(-self._figures.shape[1])
+        coordinate, *curve = as_curve(coordinate, at, fitted.values[own], fitted.sigma[own])
         force = ForceCurve(*(tuple(part.tolist()) for part in curve))
         found = Unlisted(
             self._problem.axis.name, coordinate.over, (), min(SURE_COORDINATE, share), share,
@@ -169,33 +147,18 @@ class Innovations:
             parts.append([innovation_response(gains, gains.force, own)[mask] for own in each])
         return np.concatenate([np.transpose(part) for part in parts]) * self._root[:, None]
 
-    def _fitted(self, over: F64, bent: int) -> _Fit:
+    def _fitted(self, over: F64, bent: int) -> Prediction:
         """Columns beside the plant's figures, with the best weight of their bends.
 
         Args:
             over: weighted, float64[R, n].
             bent: number of the first columns that are a curve.
         """
-        both = np.column_stack((over, self._figures, self._target))
-        mine = [self._turn % _PARTS == part for part in range(_PARTS)]
-        squares = [both[own].T @ both[own] for own in mine]
-        total = np.sum(squares, axis=0)
-        size = over.shape[1]
-        second = bends(bent, size)
-        mean = max(float(np.trace(total[:size, :size])) / max(size, 1), 1e-12)
-        fits = []
-        for weight in _SMOOTH if bent else _SMOOTH[:1]:
-            held = np.zeros((len(total) - 1, len(total) - 1))
-            held[:size, :size] = mean * (weight * second.T @ second + _LITTLE * np.eye(size))
-            held[size:, size:] = np.diag(self._problem.spread**-2.0)
-            left = np.empty(len(both))
-            for own, square in zip(mine, squares, strict=True):
-                rest = total - square
-                values = np.linalg.solve(rest[:-1, :-1] + held, rest[:-1, -1])
-                left[own] = both[own] @ np.append(values, -1.0)
-            inverse = np.linalg.inv(total[:-1, :-1] + held)
-            energies = self._by_turn(left)
-            scale = float(energies.sum()) / len(both)
-            sigma = np.sqrt(scale * np.diag(inverse)[:size])
-            fits.append(_Fit(energies, -(inverse @ total[:-1, -1])[:size], sigma))
-        return min(fits, key=lambda each: each.energy)
+        second = bends(bent, over.shape[1])
+        fit_by_part = GroupedFit(
+            np.column_stack((over, self._figures, self._target)),
+            self._turn % _PARTS, self._turn, (_PARTS, len(self._noise)),
+            over.shape[1], np.zeros(self._figures.shape[1]), 1.0,
+        )  # fmt: skip
+        weights = _SMOOTH if bent else _SMOOTH[:1]
+        return fit_by_part.judged([weight * second.T @ second for weight in weights])

@@ -10,20 +10,19 @@ Source: docs/decisions/0019-rivals.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from hil_sim.plant import force_variants
-from sim2real.fitting import MAX_SIGMAS, STEP, AxisModel, with_figures
+from sim2real.fitting import STEP, AxisModel, with_figures
 from sim2real.free_loop import derivatives
 from sim2real.held_out import FOLDS
 from sim2real.open_loop import Motion, MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve, columns, courses, find_wave, nodes
+from sim2real.rivals.grouped_fit import GroupedFit, Prediction, bends
 from stagedata import F64, BoolArray
 
 GROUPS = 2 * FOLDS
@@ -36,30 +35,6 @@ _MORE = 0.01
 """Share of the Coulomb force that is added to see what it does."""
 _PER_PERIOD = 5.0
 """Samples per period of the force's cutoff that are compared."""
-_LITTLE = 1e-6
-"""Weight of the penalty on every height, which keeps what was hardly passed at 0."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
-    """How well something predicts moves that it was not fitted to.
-
-    Attributes:
-        energies: squared residual over floor of each move, float64[moves].
-        values: fitted to all moves, in the order of its columns.
-        sigma: of these.
-        folds: fitted to all moves but those of each of `GROUPS`.
-    """
-
-    energies: F64
-    values: F64
-    sigma: F64
-    folds: tuple[F64, ...]
-
-    @property
-    def energy(self) -> float:
-        """Of all moves."""
-        return float(self.energies.sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,82 +76,6 @@ class Curve:
     force: F64
     sigma: F64
     prediction: Prediction
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """Columns with their squares, fitted to all groups but one and judged on that one.
-
-    Attributes:
-        parts: columns, figures, what goes with acceleration, and the residual, of each group.
-        blocks: number of the move of each sample of a group.
-        squares: of the parts.
-        size: number of the columns.
-        moved: sigmas that the figures behind them are off, float64[F].
-        coherent: samples that count as one.
-        moves: their number.
-    """
-
-    parts: tuple[F64, ...]
-    blocks: tuple[NDArray[np.int64], ...]
-    squares: tuple[F64, ...]
-    size: int
-    moved: F64
-    coherent: float
-    moves: int
-
-    def best(self, penalties: Sequence[F64]) -> F64:
-        """Values fitted to all moves with the best of these penalties, as of `judged`."""
-        prior, _, _ = self._chosen(penalties)
-        return self._values(np.sum(self.squares, axis=0), prior)
-
-    def judged(self, penalties: Sequence[F64]) -> Prediction:
-        """The prediction with the best of these penalties.
-
-        Args:
-            penalties: float64[n, n] per sample and squared column, each.
-        """
-        prior, energies, folds = self._chosen(penalties)
-        total = np.sum(self.squares, axis=0)
-        samples = sum(map(len, self.parts))
-        noise = self.coherent * max(float(energies.sum()) / max(samples, 1), 1.0)
-        inverse = np.linalg.inv(_normal(total, prior))
-        sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
-        return Prediction(energies, self._values(total, prior), sigma, folds)
-
-    def _chosen(self, penalties: Sequence[F64]) -> tuple[F64, F64, tuple[F64, ...]]:
-        """The best penalty as a prior of all values, energies of the moves, and values by group."""
-        total = np.sum(self.squares, axis=0)
-        mean = max(float(np.trace(total[: self.size, : self.size])) / max(self.size, 1), 1e-12)
-        plain = np.zeros((len(total) - 1, len(total) - 1))
-        plain[self._own, self._own] = self.coherent * np.eye(len(self.moved))
-        priors = []
-        for penalty in penalties:
-            there = plain.copy()
-            there[: self.size, : self.size] += mean * (penalty + _LITTLE * np.eye(self.size))
-            priors.append(there)
-        energies = np.zeros((self.moves, len(priors)))
-        folds = []
-        for part, block, square in zip(self.parts, self.blocks, self.squares, strict=True):
-            values = [self._values(total - square, there) for there in priors]
-            folds.append(values)
-            first = np.flatnonzero(np.diff(block, prepend=-1))
-            if len(first):
-                left = (part[:, :-1] @ np.transpose(values) + part[:, -1:]) ** 2
-                energies[block[first]] = np.add.reduceat(left, first)
-        best = int(energies.sum(axis=0).argmin())
-        return priors[best], energies[:, best], tuple(values[best] for values in folds)
-
-    @property
-    def _own(self) -> slice:
-        """The figures among the values."""
-        return slice(self.size, self.size + len(self.moved))
-
-    def _values(self, squares: F64, prior: F64) -> F64:
-        held = np.zeros(len(prior))
-        held[self._own] = self.coherent * self.moved
-        bounds = self._own, -MAX_SIGMAS - self.moved, MAX_SIGMAS - self.moved
-        return _solve(squares, prior, held, bounds)
 
 
 class Screen:
@@ -361,7 +260,7 @@ class Screen:
         forces = np.column_stack((acceleration, np.gradient(acceleration, course.period)))
         return self._seen(number, forces / np.maximum(forces.std(axis=0), 1e-12))
 
-    def _fit(self, over: F64, beside: Linear | None = None) -> _Fit:
+    def _fit(self, over: F64, beside: Linear | None = None) -> GroupedFit:
         """Columns, to be fitted to all groups but one.
 
         Args:
@@ -369,12 +268,11 @@ class Screen:
             beside: residual, and figures that are fitted, too; None: those of the machine file.
         """
         beside = beside or self._plain
-        both = np.column_stack((over, beside.figures, self._beside, beside.residual))
-        parts = tuple(both[self._group == group] for group in range(GROUPS))
-        blocks = tuple(self._block[self._group == group] for group in range(GROUPS))
-        squares = tuple(part.T @ part for part in parts)
-        size, moves = over.shape[1], len(self.loop.samples)
-        return _Fit(parts, blocks, squares, size, beside.moved, self._coherent, moves)
+        return GroupedFit(
+            np.column_stack((over, beside.figures, self._beside, beside.residual)),
+            self._group, self._block, (GROUPS, len(self.loop.samples)),
+            over.shape[1], beside.moved, self._coherent,
+        )  # fmt: skip
 
     def _wave(self, coordinate: Coordinate) -> F64 | None:
         """The wave over time that takes most of the force, as `find_wave`."""
@@ -393,44 +291,3 @@ def _thinned(motion: Motion, name: str) -> BoolArray:
     """The samples of an axis whose force is compared, bool[P]."""
     usable = motion.axes[name].usable
     return np.asarray(usable & (np.arange(len(usable)) % _apart(motion, name) == 0))
-
-
-def _solve(squares: F64, prior: F64, held: F64, bounds: tuple[slice, F64, F64]) -> F64:
-    """Values that minimise |columns x + residual|^2 + the prior's cost within bounds, float64[n].
-
-    Args:
-        squares: of columns and residual, float64[n + 1, n + 1].
-        prior: float64[n, n].
-        held: slope of the prior's cost at 0, float64[n].
-        bounds: which values have a lowest and a highest one, and these.
-    """
-    normal, slope = _normal(squares, prior), squares[:-1, -1] + held
-    own, low, high = bounds
-    free = np.ones(len(slope), dtype=np.bool_)
-    values = -_solve_positive(normal, slope)
-    while True:
-        within = np.clip(values[own], low, high)
-        beyond = np.flatnonzero(within != values[own]) + own.start
-        if not len(beyond):
-            return values
-        values[own], free[beyond] = within, False
-        there = (slope + normal[:, ~free] @ values[~free])[free]
-        values[free] = -_solve_positive(normal[np.ix_(free, free)], there)
-
-
-def _normal(squares: F64, prior: F64) -> F64:
-    """Normal equations with a ridge that hardly counts, float64[n, n]."""
-    normal = squares[:-1, :-1] + prior
-    normal.flat[:: len(normal) + 1] += 1e-12 * np.diag(normal) + 1e-300
-    return normal
-
-
-def _solve_positive(normal: F64, slope: F64) -> F64:
-    """Solution of normal equations, by Cholesky unless rounding has spoiled them."""
-    _, values, failed = dposv(normal.T, slope)
-    return np.asarray(np.linalg.solve(normal, slope) if failed else values)
-
-
-def bends(bent: int, size: int) -> F64:
-    """Second differences of the first `bent` of `size` heights, float64[bent - 2, size]."""
-    return np.diff(np.eye(bent, size), 2, axis=0) if bent > 2 else np.empty((0, size))

@@ -16,7 +16,8 @@ from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Screen, describe_force, find_rivals
 from sim2real.rivals.coordinates import Coordinate, stop_operators
 from sim2real.rivals.decision import Rivals, count_shown, harmonics
-from sim2real.rivals.screen import Curve, Prediction
+from sim2real.rivals.grouped_fit import Prediction
+from sim2real.rivals.screen import Curve
 from tests.unit.sim2real.conftest import TOLERANCE
 
 SIZE = Parameter("size", "", "", (0.0, 1.0), neutral=0.0)
