@@ -71,14 +71,14 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     They differ by their curves, over the coordinates that are known or over all, and by the nodes
     at low velocities: along the motion these tell little, in the closed loop they may tell much.
     Those that the simulator would refuse as too steep are left out. None, where a description
-    closes nothing, or the force depends on what no twin has, such as time: over position it would
-    be another one in the next run.
+    closes nothing, the force depends on what no twin has, such as time (over position it would be
+    another one in the next run), or along the motion it does not show on what it depends.
 
     Args:
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
-    if any(u.over not in _CURVES or u.times for u in unlisted):
+    if any(u.over not in _CURVES or u.times or u.seen_in for u in unlisted):
         return ()
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))

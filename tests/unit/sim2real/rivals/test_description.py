@@ -52,19 +52,20 @@ def test_it_goes_on_straight_beyond_the_speeds_recorded(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("over", "times"),
+    ("over", "times", "seen_in"),
     [
-        ("time", ""),
-        ("frequency", ""),
-        ("acceleration", ""),
-        ("other_axis", ""),
-        ("position", "force"),
+        ("time", "", ""),
+        ("frequency", "", ""),
+        ("acceleration", "", ""),
+        ("other_axis", "", ""),
+        ("position", "force", ""),
+        ("position", "", "innovations"),
     ],
 )
-def test_what_no_twin_can_have_is_not_described(tmp_path, over, times):
+def test_what_no_twin_can_have_is_not_described(tmp_path, over, times, seen_in):
     recording, stage = imported(replace(TOOL, force=odd, known=KNOWN), tmp_path)
     curve = ForceCurve((0.0, 1.0), (0.0, 1.0), (0.1, 0.1))
-    unlisted = Unlisted("a", over, (), 0.9, 0.9, (0.8, 1.0), curve, times)
+    unlisted = Unlisted("a", over, (), 0.9, 0.9, (0.8, 1.0), curve, times, seen_in)
     assert description(measure_motion(recording, stage), stage, "a", [unlisted]) is None
 
 
