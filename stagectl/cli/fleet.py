@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -189,6 +190,8 @@ class _Ran:
         """Until all jobs have ended, or the operator stops it."""
         from stagectl.fleet import outcomes
 
+        # Ctrl-C may come between a request of dask's and the loop that would send it.
+        warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
         begun = time.monotonic()
         try:
             with (
