@@ -167,12 +167,12 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class ForceCurve:
-    """A force over a coordinate, linear between nodes.
+    """A force over a coordinate, linear between nodes, or the error of a reading.
 
     Attributes:
         at: nodes, in the coordinate's unit.
-        force: at each of them [N].
-        sigma: of these [N].
+        force: at each of them [N]; of a reading [m].
+        sigma: of these.
     """
 
     at: tuple[Number, ...]
@@ -193,10 +193,12 @@ class Unlisted:
             held-out moves; beside causes, of what these leave; see `seen_in`.
         gap_closed_interval: 95 % interval of it.
         curve: the force. Over position_direction that of forward motion, over reversal_path after a
-            full reversal, over frequency amplitudes of oscillators driven by the acceleration.
+            full reversal, over frequency amplitudes of oscillators driven by the acceleration. Of a
+            misreading, what the encoder reads too much [m].
         times: "force" where the curve is multiplied by the motor force over its rms, "friction"
             where it changes sign with the direction, "history" where it depends on where the
-            coordinate last turned; "" for neither, or where `over` says it.
+            coordinate last turned, "reading" where an encoder that misreads looks like a force; ""
+            for neither, or where `over` says it.
         seen_in: "innovations" where friction's wander hides it along the motion: `gap_closed` is
             then the share of the one-step prediction errors beyond noise; else "".
     """
@@ -210,6 +212,11 @@ class Unlisted:
     curve: ForceCurve
     times: Annotated[str, GIVEN] = ""
     seen_in: Annotated[str, GIVEN] = ""
+
+    @property
+    def what(self) -> str:
+        """What depends on the coordinate, in words."""
+        return "an error of the encoder" if self.times == "reading" else "a force"
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,7 +359,8 @@ class EmpiricalForce:
     """A description, not a cause, of the force that no effect explains.
 
     F = always(x) + against(x) sgn(v) + over_velocity(v), each linear between its nodes, with what
-    is lost over motor force, and elements that resist after a reversal, where these are needed.
+    is lost over motor force, elements that resist after a reversal, and an encoder's error, where
+    these are needed.
 
     Attributes:
         axis: its name.
@@ -367,6 +375,8 @@ class EmpiricalForce:
         lost: motor force that does not reach the carriage there [N].
         path: travel after which each element slides [m]; empty where there are none.
         resistance: force at which each of them slides [N].
+        reading: nodes over position of an encoder's error [m]; empty where it reads right.
+        misread: what it reads too much there [m].
     """
 
     axis: str
@@ -381,6 +391,8 @@ class EmpiricalForce:
     lost: Nodes = field(default=(), kw_only=True)
     path: Nodes = field(default=(), kw_only=True)
     resistance: Nodes = field(default=(), kw_only=True)
+    reading: Nodes = field(default=(), kw_only=True)
+    misread: Nodes = field(default=(), kw_only=True)
 
     def effects(self) -> list[tuple[str, dict[str, float | tuple[float, ...]]]]:
         """Names and values of the effects that have this force in simulations."""
@@ -391,6 +403,8 @@ class EmpiricalForce:
             found.append(("motor_loss_table", {"motor_force": self.motor_force, "loss": self.lost}))
         for path, force in zip(self.path, self.resistance, strict=True):
             found.append(("cable_hysteresis", {"force": force, "stiffness": force / path}))
+        if self.reading:
+            found.append(("misreading_table", {"position": self.reading, "error": self.misread}))
         return found
 
     def table(self) -> dict[str, tuple[float, ...]]:

@@ -70,8 +70,8 @@ def give_reason(
         best = max(curves, key=lambda each: each.probability)
         over = "motor force" if best.over == "force" else best.over.replace("_", " ")
         return (
-            f"{mode}{gap}; on {best.axis} no effect of the library explains it as well as a force "
-            f"over {over}, which closes {100 * best.gap_closed:.0f} % of "
+            f"{mode}{gap}; on {best.axis} no effect of the library explains it as well as "
+            f"{best.what} over {over}, which closes {100 * best.gap_closed:.0f} % of "
             f"the gap in force on held-out moves"
         )
     if examined.open_loop is None:

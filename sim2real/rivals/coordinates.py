@@ -4,7 +4,8 @@ A curve is linear between nodes. A force that changes sign with the direction is
 after a reversal and at low speed as that of the machine file does. Over position it follows its
 level with the time constant Fc/C, so at speed it lags. The path since the last reversal has a sum
 of stop operators (Prandtl), each of which is proportional to the path up to its width; so has the
-motor force since it last turned, where iron lags behind it (magnetic hysteresis). What the library
+motor force since it last turned, where iron lags behind it (magnetic hysteresis). An encoder that
+misreads over position seems to take what accelerates the mass along its error. What the library
 calls dynamics is a bank of oscillators driven by the acceleration. A force over time that
 changes within a move predicts the next one only as a wave, whose frequency may rise steadily.
 """
@@ -18,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 
+from hil_sim.settings import AxisSettings
 from sim2real.filters import filtered
 from sim2real.open_loop import Motion
 from stagedata import F64, BoolArray
@@ -26,6 +28,8 @@ from stagedata.compiled import kernel
 _PLACES, _NARROW = 2e-3, 2.5e-4
 """Distance of nodes over position [m]: at first, and a closer one that is tried."""
 _MOST_PLACES = 800
+_MICROMETRE = 1e-6
+"""Unit of the heights of a misreading [m]: some newtons at speed, as other curves have them."""
 _SPEEDS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0)
 _CLOSER = (
     0.005, 0.01, 0.02, 0.035, 0.055, 0.08, 0.11, 0.15, 0.2, 0.26, 0.33, 0.42, 0.52, 0.65, 0.8, 1.0,
@@ -67,7 +71,8 @@ class Coordinate:
         along: quantity of the motion that the nodes are of.
         times: what the curve is multiplied by: "" for nothing, "friction" for the friction that a
             Coulomb force of 1 N makes, "force" for the motor force over its rms; "history" where
-            it is no curve, but depends on where the quantity last turned.
+            it is no curve, but depends on where the quantity last turned; "reading" where it is no
+            force, but what an encoder reads too much.
         step: between nodes over position [m].
         close: whether nodes over velocity, acceleration and force are the closer ones.
     """
@@ -95,6 +100,7 @@ COORDINATES = (
     Coordinate("position", "position"),
     Coordinate("position_direction", "position", "friction"),
     Coordinate("position", "position", "force"),
+    Coordinate("position", "position", "reading"),
     Coordinate("reversal_path", "path"),
     Coordinate("force", "force"),
     Coordinate("force", "force", "history"),
@@ -123,33 +129,31 @@ class Course:
         other: velocity and acceleration of the other axis, float64[P, 2]; None where there is none.
         relaxed: share of the friction's level that is kept from one sample to the next.
         period: of the samples [s].
+        mass: of the axis [kg].
     """
 
     quantities: dict[str, F64]
     other: F64 | None
     relaxed: float
     period: float
+    mass: float
 
 
 def courses(
-    name: str,
-    motions: Sequence[Motion],
-    forces: Sequence[tuple[F64, F64]],
-    relaxation_rate: float,
+    axis: AxisSettings, motions: Sequence[Motion], forces: Sequence[tuple[F64, F64]]
 ) -> list[Course]:
     """The courses of an axis in all recordings.
 
     Args:
-        name: of the axis.
+        axis: by the machine file.
         motions: of the recordings.
         forces: that these take by the machine file, and what a Coulomb force of 1 N adds to them,
             float64[P] each [N]. Not as measured: over its own noise any force is a curve.
-        relaxation_rate: C/Fc of its friction [1/s].
     """
     found = []
     for motion, (force, friction) in zip(motions, forces, strict=True):
-        own = motion.axes[name]
-        others = [axis for other, axis in motion.axes.items() if other != name]
+        own = motion.axes[axis.name]
+        others = [moved for other, moved in motion.axes.items() if other != axis.name]
         quantities: dict[str, F64] = {
             "position": own.position,
             "velocity": own.velocity,
@@ -162,8 +166,8 @@ def courses(
         if len(others) == 1:
             other = np.column_stack((others[0].velocity, others[0].acceleration))
             quantities["other_position"] = others[0].position
-        kept = math.exp(-relaxation_rate * motion.period)
-        found.append(Course(quantities, other, kept, motion.period))
+        kept = math.exp(-axis.friction.relaxation_rate * motion.period)
+        found.append(Course(quantities, other, kept, motion.period, axis.mass))
     return found
 
 
@@ -206,6 +210,10 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
         return _oscillations(course.quantities["acceleration"], at, course.period)
     if coordinate.along == "other_motion" and course.other is not None:
         return course.other
+    if coordinate.times == "reading":
+        over = _splines(course.quantities[coordinate.along], at)
+        bent = np.diff(over, 2, axis=0, prepend=over[:1], append=over[-1:])
+        return -course.mass * _MICROMETRE / course.period**2 * bent
     if coordinate.along == "wave":
         over = _waves(course.quantities["time"], at)
     else:
@@ -226,12 +234,17 @@ def as_curve(
 ) -> tuple[Coordinate, F64, F64, F64]:
     """Coordinate, nodes, force there and its sigma, of what the columns were fitted with.
 
+    Of a misreading, what is read too much there [m].
+
     Args:
         coordinate: of the columns.
         at: as `nodes`.
         heights: of the columns, float64[n] [N].
         sigma: of the heights, float64[n] [N].
     """
+    if coordinate.times == "reading":
+        over = _MICROMETRE * _splines(at, at)
+        return coordinate, at, over @ heights, np.sqrt(over**2 @ sigma**2)
     if coordinate.along == "path" or coordinate.times == "history":  # after a reversal
         path = np.append(0.0, 2.0 * at)
         share = np.clip(path[:, None] / at - 1.0, -1.0, 1.0)
@@ -334,6 +347,19 @@ def _hats(values: F64, at: F64) -> F64:
     hats[rows, cell] = 1.0 - share
     hats[rows, cell + 1] = share
     return hats
+
+
+def _splines(values: F64, at: F64) -> F64:
+    """Cubic B-splines around equidistant nodes, float64[P, n]."""
+    step = at[1] - at[0]
+    cell = np.clip(np.searchsorted(at, values) - 1, 0, len(at) - 2)
+    u = (values - at[cell]) / step
+    over = np.zeros((len(values), len(at) + 2))
+    rows = np.arange(len(values))
+    for away, x in enumerate((1.0 + u, u, 1.0 - u, 2.0 - u)):
+        near = 2.0 / 3.0 - x**2 + x**3 / 2.0
+        over[rows, cell + away] = np.where(x < 1.0, near, (2.0 - x) ** 3 / 6.0)
+    return over[:, 1:-1]
 
 
 def _lagged(hats: F64, velocity: F64, kept: float) -> F64:

@@ -5,11 +5,11 @@ a sum of curves, each linear between its nodes,
 
     F = a(x) + c(x) sgn(v) + h(v),   h(0) = 0,
 
-and over motor force or the path since a reversal where the missing force depends on these. It is
-fitted along the measured motion by least squares with a penalty on second differences, judged on
-strokes that took no part, and limited to what effects can represent. In those c(x) is a factor on
-the model's Coulomb force, so it cannot reverse friction, and it is 0 where that force is below the
-floor of the gap.
+and over motor force or the path since a reversal where the missing force depends on these; or what
+an encoder reads too much over position. It is fitted along the measured motion by least squares
+with a penalty on second differences, judged on strokes that took no part, and limited to what
+effects can represent. In those c(x) is a factor on the model's Coulomb force, so it cannot reverse
+friction, and it is 0 where that force is below the floor of the gap.
 
 Source: docs/decisions/0019-rivals.md.
 """
@@ -46,10 +46,11 @@ _SMALL = 1e-3
 """Weight of each height beside that of the bends."""
 _FEWEST = 130
 """Samples in motion that a description needs."""
-_ALONG = {"force": "force", "reversal_path": "path"}
-"""Further coordinates that a twin can have -> quantity of the motion."""
+_READING = "reading"
+_ALONG = {"force": "force", "reversal_path": "path", _READING: "position"}
+"""Further curves that a twin can have -> quantity of the motion."""
 _CURVES = ("position", "position_direction", "velocity", *_ALONG)
-"""Coordinates that a description has."""
+"""Curves that a description has: the coordinate of each, and the encoder's error over position."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,14 +79,14 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
-    if any(u.over not in _CURVES or u.times or u.seen_in for u in unlisted):
+    if any(_curve(u) not in _CURVES or u.seen_in for u in unlisted):
         return ()
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
     opened = screen.together(nothing, bends(0, 0), 0.0).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
-    known, every = {u.over for u in unlisted}, set(_CURVES)
+    known, every = {_curve(u) for u in unlisted}, set(_CURVES)
     tried = [(known, slow) for slow in (_SLOW if "velocity" in known else _SLOW[:1]) if known]
     tried += [(every, slow) for slow in _SLOW]
     described = (_Fit(screen, unlisted, *each).description(opened) for each in tried)
@@ -98,6 +99,11 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
             for force in (found.force, *found.folds)
         )
     )
+
+
+def _curve(found: Unlisted) -> str:
+    """Which of `_CURVES` a coordinate asks for; "" where a twin has none."""
+    return found.over if not found.times else _READING if found.times == _READING else ""
 
 
 def _nodes(screen: Screen, coordinate: Coordinate) -> F64:
@@ -122,7 +128,7 @@ class _Fit:
         self._name, self._over = loop.name, over
         low, high = screen.extent("position")
         step = (high - low) / (_PLACES - 1)
-        steps = {u.over: min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
+        steps = {_curve(u): min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
         coordinates = [
             Coordinate(over, "position", times, steps.get(over, step))
             for over, times in (("position", ""), ("position_direction", "friction"))
@@ -132,7 +138,11 @@ class _Fit:
             u.over == "velocity" and len(u.curve.at) > len(_nodes(screen, speeds)) for u in unlisted
         )
         coordinates.append(replace(speeds, close=needs_more))
-        coordinates += [Coordinate(u.over, _ALONG[u.over]) for u in unlisted if u.over in _ALONG]
+        coordinates += [
+            Coordinate(curve, along, _READING if curve == _READING else "", steps[curve])
+            for curve, along in _ALONG.items()
+            if curve in steps
+        ]
         self._at: dict[str, tuple[Coordinate, F64]] = {}
         columns, bent = [], []
         for coordinate in coordinates:
@@ -198,6 +208,9 @@ class _Fit:
             kept = heights > 0.0
             path = tuple(widths[kept].tolist()), tuple(heights[kept].tolist())
             force = replace(force, path=path[0], resistance=path[1])
+        if _READING in parts:
+            places, misread = parts[_READING]
+            force = replace(force, reading=tuple(places.tolist()), misread=tuple(misread.tolist()))
         return force
 
 

@@ -134,7 +134,7 @@ class Innovations:
                 "force": np.asarray(track.motor, np.float64),
                 "time": tracker.time,
             }
-            found.append(Course(quantities, None, 0.0, period))
+            found.append(Course(quantities, None, 0.0, period, self._problem.axis.mass))
         return found
 
     def _columns(self, coordinate: Coordinate, at: F64, courses: Sequence[Course]) -> F64:

@@ -87,18 +87,18 @@ class Screen:
 
     def __init__(self, loop: MotionLoop) -> None:
         self.loop = loop
-        name, motions = loop.name, loop.motions
+        motions = loop.motions
         numbers = range(len(motions))
         forces = [(loop.respond_jointly(n, loop.axis)[1], self._friction(n)) for n in numbers]
-        self._courses = courses(name, motions, forces, loop.axis.friction.relaxation_rate)
-        usable = [motion.axes[name].usable for motion in motions]
-        self._used = [_thinned(motion, name) for motion in motions]
+        self._courses = courses(loop.axis, motions, forces)
+        usable = [motion.axes[loop.name].usable for motion in motions]
+        self._used = [_thinned(motion, loop.name) for motion in motions]
         parts = [
             (np.zeros(own.sum(), bool), kept[own])
             for own, kept in zip(usable, self._used, strict=True)
         ]
         self._force = np.concatenate([part for pair in parts for part in pair])
-        self._scale = [m.floor.rms[name]["force"] for m in loop.measured]
+        self._scale = [m.floor.rms[loop.name]["force"] for m in loop.measured]
         self._block: NDArray[np.int64] = loop.move[self._force]
         self._group = loop.pair[self._block] % GROUPS
         self._start = loop.residual(loop.start)
@@ -109,7 +109,7 @@ class Screen:
         self._coherent = max(1.0, share * loop.coherent)
         rates = [self._sampling(number) for number in range(len(motions))]
         self._beside = np.concatenate(rates)
-        self._period = motions[0].period * _apart(motions[0], name)
+        self._period = motions[0].period * _apart(motions[0], loop.name)
 
     @cached_property
     def open(self) -> Prediction:

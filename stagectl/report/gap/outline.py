@@ -28,6 +28,7 @@ _TIMES = {
     "force": " that grows with the motor force",
     "friction": " that changes sign with the direction",
     "history": ", with hysteresis,",
+    "reading": "",
 }
 _OF_FORCE = " of the gap in force"
 _CLOSED_OF = {"": "", "innovations": " of the one-step prediction errors"}
@@ -139,7 +140,7 @@ def headline(report: findings.GapReport) -> str:
     if report.unlisted:
         first = report.unlisted[0]
         closes = f"closes {percent(first.gap_closed)}{_CLOSED_OF[first.seen_in] or _OF_FORCE}"
-        coordinate = f"; on {first.axis} a force {OVER_WORDS[first.over]} {closes}"
+        coordinate = f"; on {first.axis} {first.what} {OVER_WORDS[first.over]} {closes}"
     match report.verdict:
         case "no_gap":
             return "The machine file describes this stage down to the noise floor."
@@ -253,10 +254,11 @@ def _cause(cause: findings.Cause) -> Fact:
 def _over_coordinate(found: findings.Unlisted) -> Fact:
     """A coordinate that a force depends on, and those that could take its place."""
     low, high = found.gap_closed_interval
+    what = f"{found.what} {OVER_WORDS[found.over]}{_TIMES[found.times]}"
+    closed = f"{percent(found.gap_closed)} ({100 * low:.0f} to {100 * high:.0f} %)"
     text = (
-        f"{found.axis}: a force {OVER_WORDS[found.over]}{_TIMES[found.times]} that no effect of "
-        f"the library has; closes {percent(found.gap_closed)} ({100 * low:.0f} to "
-        f"{100 * high:.0f} %){_CLOSED_OF[found.seen_in]}, p = {found.probability:.2f}"
+        f"{found.axis}: {what} that no effect of the library has; closes {closed}"
+        f"{_CLOSED_OF[found.seen_in]}, p = {found.probability:.2f}"
     )
     if found.alike:
         others = listed([OVER_WORDS[over] for over in found.alike])
@@ -281,16 +283,15 @@ def _steps(report: findings.GapReport) -> Section:
 def _empirical(report: findings.GapReport) -> Section:
     facts = tuple(
         Fact(
-            f"{f.axis}: a smooth force over {_described_over(f)} closes "
-            f"{percent(f.gap_closed)} of what is left on held-out strokes; it describes the gap "
-            "but names no cause"
+            f"{f.axis}: {_described(f)} {percent(f.gap_closed)} of what is left on held-out "
+            "strokes; it describes the gap but names no cause"
         )
         for f in report.empirical
     )
     return Section("What no effect explains", facts, label="empirical")
 
 
-def _described_over(force: findings.EmpiricalForce) -> str:
+def _described(force: findings.EmpiricalForce) -> str:
     parts = {
         "position": (*force.always, *force.against),
         "direction": force.against,
@@ -298,7 +299,11 @@ def _described_over(force: findings.EmpiricalForce) -> str:
         "motor force": force.motor_force,
         "the path since a reversal": force.path,
     }
-    return listed([over for over, values in parts.items() if any(values)])
+    over = [name for name, values in parts.items() if any(values)]
+    described = [f"a smooth force over {listed(over)}"] if over else []
+    if force.misread:
+        described.append("an error of the encoder over position")
+    return f"{' and '.join(described)} {'close' if len(described) > 1 else 'closes'}"
 
 
 def _changed(change: findings.FigureChange) -> Fact:

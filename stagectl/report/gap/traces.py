@@ -131,11 +131,15 @@ def curve_panel(found: Unlisted, axis: AxisSettings) -> Panel:
     at, force, sigma = (
         np.array(part) for part in (found.curve.at, found.curve.force, found.curve.sigma)
     )
+    what, unit, scale = "force", "N", 1.0
+    if found.times == "reading":
+        what, unit, scale = "encoder error", "µm", 1e6
+    force, sigma = scale * force, scale * sigma
     curves = [Curve("measured", at, force, force - sigma, force + sigma)]
     over = found.over.replace("_", " ") + (" since it turned" if found.times == "history" else "")
     label = f"{over} [{axis.unit_of(OVER[found.over])}]"
-    title = f"Axis {found.axis}: force over {over}"
-    return Panel(title, Chart(curves, label, f"force [{axis.unit_of('N')}]"))
+    title = f"Axis {found.axis}: {what} over {over}"
+    return Panel(title, Chart(curves, label, f"{what} [{axis.unit_of(unit)}]"))
 
 
 def _by_phase(phase: F64, residuals: dict[str, F64], unit: str) -> Table:

@@ -145,13 +145,9 @@ def test_pitches_of_an_axis_that_turns_are_angles(effects, nominal, name, turnin
 
 def test_an_axis_can_have_all_but_what_needs_an_angle_or_a_table(effects, nominal):
     axis = nominal.axes[0]
-    assert set(effects) - set(possible_on(axis, effects)) == {
-        "unbalance",
-        "residual_table",
-        "motor_loss_table",
-    }
-    rotary = possible_on(replace(axis, rotary=True), effects)
-    assert set(effects) - set(rotary) == {"residual_table", "motor_loss_table"}
+    tables = {"residual_table", "motor_loss_table", "misreading_table"}
+    assert set(effects) - set(possible_on(axis, effects)) == {"unbalance", *tables}
+    assert set(effects) - set(possible_on(replace(axis, rotary=True), effects)) == tables
 
 
 def test_every_effect_enters_the_ports(effects, nominal):

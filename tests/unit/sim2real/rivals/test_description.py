@@ -69,6 +69,26 @@ def test_what_no_twin_can_have_is_not_described(tmp_path, over, times, seen_in):
     assert description(measure_motion(recording, stage), stage, "a", [unlisted]) is None
 
 
+def test_an_encoder_that_misreads_is_described_by_its_error(tmp_path):
+    plain = replace(TOOL, force=lambda *args: TOOL.force(*args) - 80.0, known=KNOWN, rate=500.0)
+    recording, stage = imported(plain, tmp_path)
+    signals = recording.axes["a"]
+
+    def error(x):
+        return 4e-4 * np.sin(2.0 * np.pi * x / 0.1)
+
+    read = signals.position_actual + error(signals.position_actual)
+    recording = replace(recording, axes={"a": replace(signals, position_actual=read)})
+    nodes = tuple(np.arange(0.0, 0.4, 0.01).tolist())
+    curve = ForceCurve(nodes, nodes, nodes)
+    unlisted = Unlisted("a", "position", (), 0.9, 0.9, (0.8, 1.0), curve, "reading")
+    found = description(measure_motion(recording, stage), stage, "a", [unlisted])
+    assert found.gap_closed > 0.9
+    assert not any((*found.always, *found.against, *found.over_velocity))
+    bent = np.diff(found.misread, 2)
+    assert np.corrcoef(np.diff(error(np.array(found.reading)), 2), bent)[0, 1] > 0.9
+
+
 def test_noise_is_not_described(tmp_path):
     plain = replace(TOOL, force=lambda *args: TOOL.force(*args) - 80.0, known=KNOWN)
     assert described(plain, tmp_path) is None

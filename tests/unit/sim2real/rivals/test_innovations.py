@@ -53,9 +53,17 @@ def test_a_force_that_the_wander_of_friction_hides_has_its_coordinate_and_course
     assert np.ptp(curve.force) == pytest.approx(0.9, rel=1.0 / 3.0)
 
 
-def test_a_scale_that_misreads_is_a_force_over_position(innovations_of):
-    wrong = innovations_of("scale_error", error=2e-6, pitch=0.0127, phase=3.5)
-    assert [found.over for found in wrong.unlisted()] == ["position"]
+def test_a_scale_that_misreads_shows_its_error_over_position(innovations_of):
+    (found,) = innovations_of("scale_error", error=2e-6, pitch=0.0127, phase=3.5).unlisted()
+    assert (found.over, found.times) == ("position", "reading")
+    # What accelerates the mass is the bend of the error: one that hardly bends does not show.
+    at = np.asarray(found.curve.at)
+    error, known = (
+        np.diff(course, 2)
+        for course in (found.curve.force, 2e-6 * np.sin(2.0 * np.pi * at / 0.0127 + 3.5))
+    )
+    assert np.corrcoef(known, error)[0, 1] > 0.9
+    assert np.ptp(error) == pytest.approx(np.ptp(known), rel=1.0 / 3.0)
 
 
 def test_effects_that_explain_as_much_keep_their_names(pulled):
