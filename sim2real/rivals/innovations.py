@@ -26,7 +26,7 @@ from stagedata import F64
 
 _PARTS, _LENGTH = 8, 500
 """Parts of the recording, which take turns, and samples of a turn."""
-_SMOOTH = (1e-4, 1e-2, 1.0)
+_SMOOTH = (1e-4, 1e-2, 1.0, 1e2)
 """Weights of the penalty on second differences that are tried."""
 _CLEARLY = 0.5
 """What a curve may leave of what library effects leave, to take their names away."""

@@ -29,6 +29,8 @@ GROUPS = 2 * FOLDS
 """Groups of moves, there and back together; each belongs to one fold."""
 _SMOOTH = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 """Weights of the penalty on second differences that are tried."""
+_STRAIGHTER = (10.0, 1e2, 1e4)
+"""Weights of their magnitude that are tried besides: the last leaves next to none."""
 _STRAIGHT = 0.1
 """Bend, as a share of the mean one, below which a curve counts as straight."""
 _MORE = 0.01
@@ -215,7 +217,7 @@ class Screen:
         bent = np.abs(second @ values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
         by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second + held
-        return fit.judged([w * by_size for w in (*_SMOOTH, 10.0)])
+        return fit.judged([w * by_size for w in (*_SMOOTH, *_STRAIGHTER)])
 
     def linear(self, model: AxisModel) -> Linear | None:
         """A library model and its derivatives; None where it cannot be simulated."""
