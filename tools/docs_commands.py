@@ -48,7 +48,9 @@ PAGES = [
 _KNOWN = r"|not run: .+|exit \d+|until Ctrl-C|file: \S+"
 NOT_RUN = ("make test",)
 INSTALLED = ".installed"
-NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", ".*_cache", "__pycache__", "runs", "mutants")
+NOT_COPIED = shutil.ignore_patterns(
+    ".git", ".venv*", ".*_cache", "__pycache__", "_build", "runs", "mutants"
+)
 
 
 class WrongDocsError(Exception):
