@@ -375,6 +375,9 @@ class EmpiricalForce:
         lost: motor force that does not reach the carriage there [N].
         path: travel after which each element slides [m]; empty where there are none.
         resistance: force at which each of them slides [N].
+        turned: change of the motor force after which each element slides that loses some of it [N];
+            empty where there are none.
+        lagging: what each of them loses then [N].
         reading: nodes over position of an encoder's error [m]; empty where it reads right.
         misread: what it reads too much there [m].
     """
@@ -391,6 +394,8 @@ class EmpiricalForce:
     lost: Nodes = field(default=(), kw_only=True)
     path: Nodes = field(default=(), kw_only=True)
     resistance: Nodes = field(default=(), kw_only=True)
+    turned: Nodes = field(default=(), kw_only=True)
+    lagging: Nodes = field(default=(), kw_only=True)
     reading: Nodes = field(default=(), kw_only=True)
     misread: Nodes = field(default=(), kw_only=True)
 
@@ -403,6 +408,8 @@ class EmpiricalForce:
             found.append(("motor_loss_table", {"motor_force": self.motor_force, "loss": self.lost}))
         for path, force in zip(self.path, self.resistance, strict=True):
             found.append(("cable_hysteresis", {"force": force, "stiffness": force / path}))
+        if self.turned:
+            found.append(("motor_hysteresis_table", {"width": self.turned, "loss": self.lagging}))
         if self.reading:
             found.append(("misreading_table", {"position": self.reading, "error": self.misread}))
         return found

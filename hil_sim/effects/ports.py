@@ -120,6 +120,7 @@ class EffectPorts:
         self.harmonics: list[tuple[float, float, float]] = []
         self.decays: list[tuple[float, float]] = []
         self.hysteresis: list[tuple[float, float]] = []
+        self.lags: list[tuple[float, float]] = []
         self.hanging: list[Oscillator] = []
         self.bases: list[Oscillator] = []
         self.fields: list[Field] = []
@@ -187,6 +188,10 @@ class EffectPorts:
     def lose_motor_force(self, loss: F64) -> None:
         """What of each of `motor_forces` does not reach the carriage [N]."""
         self.motor_loss = _sum(self.motor_loss, loss, self.motor_forces)
+
+    def lag_motor_force(self, width: float, loss: float) -> None:
+        """Motor force loss * s is lost [N], ds = dF / width [N] held within ± 1; initially 0."""
+        self.lags.append((width, loss))
 
     def add_time_force(self, force: F64) -> None:
         """Disturbance force at each of `times` [N]."""

@@ -25,6 +25,7 @@ from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
     drag,
     drive,
+    lose,
     refresh,
     reported_force,
     swing,
@@ -35,6 +36,10 @@ from stagedata.compiled import kernel
 
 _MOST = 0.999
 """Largest share of a saturating motor's limit that is inverted."""
+
+
+_ROUNDS = 30
+"""Times that a force which lags behind the reported one is inserted into itself."""
 
 
 def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
@@ -104,6 +109,17 @@ def force_variants(
     return _force_along(stage, (position, velocity, acceleration), alone=True)
 
 
+@kernel()
+def _before_losses(p, arena, wanted):  # type: ignore[no-untyped-def]
+    """The force that is `wanted` [N] after all losses [N]."""
+    force = wanted
+    for _ in range(_ROUNDS if p.lags_count > 0 else 1):
+        force = wanted + lose(p, arena, force, False)
+        if p.motor_loss >= 0:
+            force = reported_force(p, arena, force)
+    return force
+
+
 @kernel(nogil=True)
 def _follow(m, coupled, period, steps, course, force):  # type: ignore[no-untyped-def]
     """Follow a motion.
@@ -131,6 +147,7 @@ def _follow(m, coupled, period, steps, course, force):  # type: ignore[no-untype
             level = p.coulomb
             if p.ported:
                 refresh(plant[a], state[a], position[k, axes - 1 - a], arena, 0.0, period)
+                s.lost = 0.0
                 drag(p, arena, dx)
                 if p.load_friction > 0.0:
                     drive(p, s, arena, 0.0, 0.0, 0.0)
@@ -163,4 +180,5 @@ def _follow(m, coupled, period, steps, course, force):  # type: ignore[no-untype
                 bent = min(max(wanted / p.saturation, -_MOST), _MOST)
                 wanted = p.saturation * math.atanh(bent)
             wanted /= p.gain
-            force[k, a] = reported_force(p, arena, wanted) if p.motor_loss >= 0 else wanted
+            s.motor_force = _before_losses(p, arena, wanted)
+            force[k, a] = s.motor_force

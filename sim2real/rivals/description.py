@@ -46,11 +46,15 @@ _SMALL = 1e-3
 """Weight of each height beside that of the bends."""
 _FEWEST = 130
 """Samples in motion that a description needs."""
-_READING = "reading"
-_ALONG = {"force": "force", "reversal_path": "path", _READING: "position"}
-"""Further curves that a twin can have -> quantity of the motion."""
-_CURVES = ("position", "position_direction", "velocity", *_ALONG)
-"""Curves that a description has: the coordinate of each, and the encoder's error over position."""
+_FURTHER = {
+    "force": Coordinate("force", "force"),
+    "history": Coordinate("force", "force", "history"),
+    "reversal_path": Coordinate("reversal_path", "path"),
+    "reading": Coordinate("position", "position", "reading"),
+}
+_CURVES = ("position", "position_direction", "velocity", *_FURTHER)
+"""Curves of a description, by their coordinates or by what else `Coordinate.times` says of these;
+the last ones only where a coordinate is known that asks for them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +107,9 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
 
 def _curve(found: Unlisted) -> str:
     """Which of `_CURVES` a coordinate asks for; "" where a twin has none."""
-    return found.over if not found.times else _READING if found.times == _READING else ""
+    if found.times in ("history", "reading"):
+        return found.times
+    return "" if found.times else found.over
 
 
 def _nodes(screen: Screen, coordinate: Coordinate) -> F64:
@@ -129,30 +135,28 @@ class _Fit:
         low, high = screen.extent("position")
         step = (high - low) / (_PLACES - 1)
         steps = {_curve(u): min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
-        coordinates = [
-            Coordinate(over, "position", times, steps.get(over, step))
+        coordinates = {
+            over: Coordinate(over, "position", times, steps.get(over, step))
             for over, times in (("position", ""), ("position_direction", "friction"))
-        ]
+        }
         speeds = Coordinate("velocity", "velocity")
         needs_more = any(
             u.over == "velocity" and len(u.curve.at) > len(_nodes(screen, speeds)) for u in unlisted
         )
-        coordinates.append(replace(speeds, close=needs_more))
-        coordinates += [
-            Coordinate(curve, along, _READING if curve == _READING else "", steps[curve])
-            for curve, along in _ALONG.items()
-            if curve in steps
-        ]
+        coordinates["velocity"] = replace(speeds, close=needs_more)
+        for curve, further in _FURTHER.items():
+            if curve in steps:
+                coordinates[curve] = replace(further, step=steps[curve])
         self._at: dict[str, tuple[Coordinate, F64]] = {}
         columns, bent = [], []
-        for coordinate in coordinates:
+        for curve, coordinate in coordinates.items():
             at = _nodes(screen, coordinate)
             if len(at) < 2:
                 continue
-            if coordinate.over == "velocity":
+            if curve == "velocity":
                 at = at[(at <= slow * at[0]) | (at == 0.0) | (at >= slow * at[-1])]
-            self._at[coordinate.over] = coordinate, at
-            columns.append(float(coordinate.over in over) * screen.columns(coordinate, at))
+            self._at[curve] = coordinate, at
+            columns.append(float(curve in over) * screen.columns(coordinate, at))
             size = columns[-1].shape[1]
             bent.append(bends(size if coordinate.is_curve else 0, size))
         self._level = _coulomb_level(
@@ -178,14 +182,15 @@ class _Fit:
 
     def _as_force(self, values: F64, closed: float) -> EmpiricalForce:
         parts: dict[str, tuple[F64, F64]] = {}
-        for number, (over, (coordinate, at)) in enumerate(self._at.items()):
+        for number, (curve, (coordinate, at)) in enumerate(self._at.items()):
             heights = values[self._edges[number] : self._edges[number + 1]]
-            heights = np.where(over in self._over, heights, 0.0)
-            if over == "reversal_path":  # element by element: no curve
-                parts[over] = at, heights
+            heights = np.where(curve in self._over, heights, 0.0)
+            if curve in ("reversal_path", "history"):  # element by element: no curve
+                kept = heights != 0.0 if curve == "history" else heights > 0.0
+                parts[curve] = at[kept], heights[kept]
             else:
                 _, places, forces, _ = as_curve(coordinate, at, heights, 0.0 * heights)
-                parts[over] = places, forces
+                parts[curve] = places, forces
         level = self._level
         where, against = parts["position_direction"]
         against = np.where(level > 0.0, np.maximum(against, -level), 0.0)
@@ -203,14 +208,16 @@ class _Fit:
             axis = self._screen.loop.axis
             nodes, lost = _continued(*_increasing(*parts["force"]), axis.control.peak_force)
             force = replace(force, motor_force=tuple(nodes.tolist()), lost=tuple(lost.tolist()))
-        if "reversal_path" in parts:
-            widths, heights = parts["reversal_path"]
-            kept = heights > 0.0
-            path = tuple(widths[kept].tolist()), tuple(heights[kept].tolist())
-            force = replace(force, path=path[0], resistance=path[1])
-        if _READING in parts:
-            places, misread = parts[_READING]
-            force = replace(force, reading=tuple(places.tolist()), misread=tuple(misread.tolist()))
+        own = {curve: [tuple(part.tolist()) for part in parts[curve]] for curve in parts}
+        if "reversal_path" in own:
+            path, resistance = own["reversal_path"]
+            force = replace(force, path=path, resistance=resistance)
+        if "history" in own:
+            turned, lagging = own["history"]
+            force = replace(force, turned=turned, lagging=lagging)
+        if "reading" in own:
+            reading, misread = own["reading"]
+            force = replace(force, reading=reading, misread=misread)
         return force
 
 

@@ -128,6 +128,21 @@ def _push(p, s, arena, t, half):  # type: ignore[no-untyped-def]
 
 
 @kernel()
+def lose(p, arena, motor_force, kept):  # type: ignore[no-untyped-def]
+    """Motor force that lags behind a measured one [N]; `kept`: the elements follow to there."""
+    lost = 0.0
+    for i in range(p.lags_count):
+        at = p.lags + 4 * i
+        moved = (motor_force - arena[at + 3]) * arena[at]
+        share = min(max(arena[at + 2] + moved, -1.0), 1.0)
+        lost += arena[at + 1] * share
+        if kept:
+            arena[at + 2] = share
+            arena[at + 3] = motor_force
+    return lost
+
+
+@kernel()
 def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
     """Prepare a control tick, in one long function: passing the arena on costs more than the work.
 
@@ -156,6 +171,8 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
     _level(p, s, across, arena, t + half)
     if p.position_gain >= 0:
         s.gain, s.gain_slope = _table(p, arena, p.position_gain, middle)
+    if p.lags_count > 0:
+        s.lost = lose(p, arena, s.motor_force, True)
     if p.misreading >= 0:
         s.misread, s.misread_slope = _table(p, arena, p.misreading, middle)
     s.pull = p.force + p.spring * middle
@@ -199,12 +216,12 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
         resistance: friction [N].
     """
     away = s.position - s.place
-    force = motor_force
+    force = motor_force - s.lost
     response = 1.0
     s.rise = 0.0
     if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0 or p.motor_loss >= 0:
         if p.motor_loss >= 0:
-            loss, slope = _dense(arena, p.motor_loss, p.velocity_nodes, p.motor_scale, force)
+            loss, slope = _dense(arena, p.motor_loss, p.velocity_nodes, p.motor_scale, motor_force)
             force -= loss
             response -= slope
         force *= p.gain

@@ -131,6 +131,7 @@ def _write_lists(record: np.void, ports: EffectPorts, arena: Arena) -> None:
         "harmonics": [(a, 2.0 * math.pi * f, phi) for a, f, phi in ports.harmonics],
         "decays": [(a, 1.0 / tau) for a, tau in ports.decays],
         "hysteresis": [(k, f, 0.0) for f, k in ports.hysteresis],
+        "lags": [(1.0 / width, loss, 0.0, 0.0) for width, loss in ports.lags],
         "hanging": hanging,
         "bases": bases,
         "fields": [

@@ -18,7 +18,7 @@ TABLES = (
     "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
     "motor_loss", "time_force", "time_coulomb",
 )  # fmt: skip
-LISTS = ("harmonics", "decays", "hysteresis", "hanging", "bases", "fields")
+LISTS = ("harmonics", "decays", "hysteresis", "lags", "hanging", "bases", "fields")
 """Each with a count, such as `harmonics_count`."""
 PORT_FIELDS = [
     ("ported", "?"),  # differs from the plain plant
@@ -59,6 +59,7 @@ PORT_STATE_FIELDS = [
     ("transmitted", "f8"),  # force through the transmission to the load [N]
     ("sprung", "f8"),  # force of the oscillators on it [N]
     ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
+    ("lost", "f8"),  # motor force that lags behind the measured one [N]
     ("response", "f8"),  # change of motor force per change of measured force
     ("rise", "f8"),  # of the motor force along the travel [N/m]
     ("kick", "f8"),  # change of velocity in this substep [m/s]

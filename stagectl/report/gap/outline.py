@@ -298,6 +298,7 @@ def _described(force: findings.EmpiricalForce) -> str:
         "velocity": force.over_velocity,
         "motor force": force.motor_force,
         "the path since a reversal": force.path,
+        "motor force, with hysteresis": force.turned,
     }
     over = [name for name, values in parts.items() if any(values)]
     described = [f"a smooth force over {listed(over)}"] if over else []

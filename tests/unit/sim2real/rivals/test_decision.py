@@ -158,6 +158,11 @@ def test_iron_that_lags_behind_the_motor_force_is_no_set_of_effects(screen_of, n
     assert found.gap_closed > 0.85
     reversal = np.interp((2.0, 10.0, 25.0), found.curve.at, found.curve.force)
     assert np.diff(reversal) == pytest.approx((8.0 * 0.15, 0.0), abs=0.25), "loop of 10 N"
+    twin = describe_force(rivals.screen.loop, [found])[0].force
+    since = np.array([[2.0], [10.0], [25.0]])
+    lost = np.clip(since / np.array(twin.turned) - 1.0, -1.0, 1.0) @ np.array(twin.lagging)
+    assert np.diff(lost) == pytest.approx((8.0 * 0.15, 0.0), abs=0.25)
+    assert not any((*twin.always, *twin.against, *twin.over_velocity))
 
 
 WAVES = (6.0, 6.0, -6.0, -6.0)

@@ -62,6 +62,7 @@ def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
             p.key: [0.0, 0.1] if p.role == "table" else p.ranges(axis)[-1][1]
             for p in effect.parameters
         }
+        values |= {"width": [1.0, 2.0]} if name == "motor_hysteresis_table" else {}
         text = ", ".join([f"effect: {name}", *(f"{k}: {v!r}" for k, v in values.items())])
         one = machine(text)
         (found,) = known_effects(one)
@@ -71,7 +72,7 @@ def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
         assert (known_terms(one).get("y", KnownTerms()) != KnownTerms()) is found.compensated, name
         if not found.compensated:
             left.add(name)
-    tables = {"motor_loss_table", "misreading_table"}
+    tables = {"motor_loss_table", "motor_hysteresis_table", "misreading_table"}
     assert left == {"floor_vibration", "load_friction", "resonance", *tables}
 
 
