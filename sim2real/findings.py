@@ -378,6 +378,8 @@ class EmpiricalForce:
         turned: change of the motor force after which each element slides that loses some of it [N];
             empty where there are none.
         lagging: what each of them loses then [N].
+        gain_at: nodes over position of a factor on the motor force [m]; empty where it has none.
+        gain: the factor there.
         reading: nodes over position of an encoder's error [m]; empty where it reads right.
         misread: what it reads too much there [m].
     """
@@ -396,6 +398,8 @@ class EmpiricalForce:
     resistance: Nodes = field(default=(), kw_only=True)
     turned: Nodes = field(default=(), kw_only=True)
     lagging: Nodes = field(default=(), kw_only=True)
+    gain_at: Nodes = field(default=(), kw_only=True)
+    gain: Nodes = field(default=(), kw_only=True)
     reading: Nodes = field(default=(), kw_only=True)
     misread: Nodes = field(default=(), kw_only=True)
 
@@ -410,6 +414,8 @@ class EmpiricalForce:
             found.append(("cable_hysteresis", {"force": force, "stiffness": force / path}))
         if self.turned:
             found.append(("motor_hysteresis_table", {"width": self.turned, "loss": self.lagging}))
+        if self.gain_at:
+            found.append(("motor_gain_table", {"position": self.gain_at, "factor": self.gain}))
         if self.reading:
             found.append(("misreading_table", {"position": self.reading, "error": self.misread}))
         return found

@@ -56,6 +56,11 @@ def force_ripple(terms: KnownTerms, values: Values) -> None:
     terms.gains.append(lambda x: 1.0 + values["ratio"] * _wave(values, x))
 
 
+def motor_gain_table(terms: KnownTerms, values: Mapping[str, Sequence[float]]) -> None:
+    """Factor on the motor force over position, from a table."""
+    terms.gains.append(lambda x: np.interp(x, values["position"], values["factor"]))
+
+
 def force_saturation(terms: KnownTerms, values: Values) -> None:
     """Force [N] that the motor cannot exceed."""
     terms.saturation = min(terms.saturation, values["force"])

@@ -130,6 +130,7 @@ class Course:
         relaxed: share of the friction's level that is kept from one sample to the next.
         period: of the samples [s].
         mass: of the axis [kg].
+        force_rms: of the motor force in all recordings [N].
     """
 
     quantities: dict[str, F64]
@@ -137,6 +138,7 @@ class Course:
     relaxed: float
     period: float
     mass: float
+    force_rms: float
 
 
 def courses(
@@ -150,6 +152,7 @@ def courses(
         forces: that these take by the machine file, and what a Coulomb force of 1 N adds to them,
             float64[P] each [N]. Not as measured: over its own noise any force is a curve.
     """
+    rms = max(float(np.std(np.concatenate([force for force, _ in forces]))), 1e-12)
     found = []
     for motion, (force, friction) in zip(motions, forces, strict=True):
         own = motion.axes[axis.name]
@@ -167,7 +170,7 @@ def courses(
             other = np.column_stack((others[0].velocity, others[0].acceleration))
             quantities["other_position"] = others[0].position
         kept = math.exp(-axis.friction.relaxation_rate * motion.period)
-        found.append(Course(quantities, other, kept, motion.period, axis.mass))
+        found.append(Course(quantities, other, kept, motion.period, axis.mass, rms))
     return found
 
 
@@ -224,8 +227,7 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
         velocity, friction = course.quantities["velocity"], course.quantities["friction"]
         over = friction[:, None] * _lagged(over, velocity, course.relaxed)
     elif coordinate.times == "force":
-        force = course.quantities["force"]
-        over = over * (force / max(float(np.std(force)), 1e-12))[:, None]
+        over = over * (course.quantities["force"] / course.force_rms)[:, None]
     return over
 
 

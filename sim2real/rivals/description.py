@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -50,11 +51,23 @@ _FURTHER = {
     "force": Coordinate("force", "force"),
     "history": Coordinate("force", "force", "history"),
     "reversal_path": Coordinate("reversal_path", "path"),
+    "gain": Coordinate("position", "position", "force"),
     "reading": Coordinate("position", "position", "reading"),
 }
 _CURVES = ("position", "position_direction", "velocity", *_FURTHER)
-"""Curves of a description, by their coordinates or by what else `Coordinate.times` says of these;
-the last ones only where a coordinate is known that asks for them."""
+"""Curves of a description, the last ones only where a coordinate is known that asks for them."""
+_FIELDS = {
+    "force": ("motor_force", "lost"),
+    "history": ("turned", "lagging"),
+    "reversal_path": ("path", "resistance"),
+    "gain": ("gain_at", "gain"),
+    "reading": ("reading", "misread"),
+}
+"""Curve -> fields of `EmpiricalForce`: nodes, heights."""
+_BY_TIMES = {"history": "history", "force": "gain", "reading": "reading"}
+"""`Unlisted.times` -> curve."""
+_LEAST_GAIN = 0.1
+"""Smallest factor on the motor force."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +120,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
 
 def _curve(found: Unlisted) -> str:
     """Which of `_CURVES` a coordinate asks for; "" where a twin has none."""
-    if found.times in ("history", "reading"):
-        return found.times
-    return "" if found.times else found.over
+    return _BY_TIMES.get(found.times, "") if found.times else found.over
 
 
 def _nodes(screen: Screen, coordinate: Coordinate) -> F64:
@@ -199,26 +210,21 @@ class _Fit:
         always = np.interp(places, *parts["position"])
         against, factor = (np.interp(places, where, heights) for heights in (against, factor))
         speeds, over_velocity = _continued(*parts["velocity"], self._screen.loop.axis.velocity)
-        lists = [places, always, against, speeds, over_velocity]
-        force = EmpiricalForce(
-            self._name, closed, *(tuple(part.tolist()) for part in lists),
-            coulomb=tuple(factor.tolist()),
-        )  # fmt: skip
         if "force" in parts:
-            axis = self._screen.loop.axis
-            nodes, lost = _continued(*_increasing(*parts["force"]), axis.control.peak_force)
-            force = replace(force, motor_force=tuple(nodes.tolist()), lost=tuple(lost.tolist()))
-        own = {curve: [tuple(part.tolist()) for part in parts[curve]] for curve in parts}
-        if "reversal_path" in own:
-            path, resistance = own["reversal_path"]
-            force = replace(force, path=path, resistance=resistance)
-        if "history" in own:
-            turned, lagging = own["history"]
-            force = replace(force, turned=turned, lagging=lagging)
-        if "reading" in own:
-            reading, misread = own["reading"]
-            force = replace(force, reading=reading, misread=misread)
-        return force
+            limit = self._screen.loop.axis.control.peak_force
+            parts["force"] = _continued(*_increasing(*parts["force"]), limit)
+        if "gain" in parts:  # the curve is over the force that the model needs
+            nodes, missing = parts["gain"]
+            gain = 1.0 / np.maximum(1.0 + missing / self._screen.force_rms, _LEAST_GAIN)
+            parts["gain"] = nodes, np.maximum(gain, _LEAST_GAIN)
+        further = {"coulomb": factor}
+        for curve in parts.keys() & _FIELDS.keys():
+            further |= dict(zip(_FIELDS[curve], parts[curve], strict=True))
+        lists = [places, always, against, speeds, over_velocity]
+        given: dict[str, Any] = {key: tuple(part.tolist()) for key, part in further.items()}
+        return EmpiricalForce(
+            self._name, closed, *(tuple(part.tolist()) for part in lists), **given
+        )
 
 
 def _increasing(at: F64, heights: F64) -> tuple[F64, F64]:

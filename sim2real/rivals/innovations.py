@@ -124,17 +124,19 @@ class Innovations:
 
     def _courses(self) -> list[Course]:
         """What the axis does in each recording, as the filter followed it."""
-        found = []
+        forces = [np.asarray(track.motor, np.float64) for track in self._problem.tracks]
+        rms = max(float(np.std(np.concatenate(forces))), 1e-12)
+        found: list[Course] = []
         for track, tracker in zip(self._problem.tracks, self._problem.trackers, strict=True):
             period = float(tracker.time[1])
             quantities = {
                 "position": track.x,
                 "velocity": track.v,
                 "acceleration": np.gradient(track.v, period),
-                "force": np.asarray(track.motor, np.float64),
+                "force": forces[len(found)],
                 "time": tracker.time,
             }
-            found.append(Course(quantities, None, 0.0, period, self._problem.axis.mass))
+            found.append(Course(quantities, None, 0.0, period, self._problem.axis.mass, rms))
         return found
 
     def _columns(self, coordinate: Coordinate, at: F64, courses: Sequence[Course]) -> F64:

@@ -135,6 +135,11 @@ class Screen:
         return self._block
 
     @property
+    def force_rms(self) -> float:
+        """Rms of the motor force [N]."""
+        return self._courses[0].force_rms
+
+    @property
     def floor(self) -> float:
         """Energy (squared deviations over the floor) of a model that leaves nothing but noise."""
         return 2.0 * self.samples

@@ -302,6 +302,8 @@ def _described(force: findings.EmpiricalForce) -> str:
     }
     over = [name for name, values in parts.items() if any(values)]
     described = [f"a smooth force over {listed(over)}"] if over else []
+    if force.gain_at:
+        described.append("a factor on the motor force over position")
     if force.misread:
         described.append("an error of the encoder over position")
     return f"{' and '.join(described)} {'close' if len(described) > 1 else 'closes'}"

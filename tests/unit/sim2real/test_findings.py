@@ -53,7 +53,7 @@ def test_a_description_is_the_effects_that_a_simulation_takes():
         "x", 0.9, (0.0, 0.1), (1.0, 2.0), (0.5, -0.5), coulomb=(1.1, 0.9), velocity=(-1.0, 1.0),
         over_velocity=(-3.0, 3.0), motor_force=(0.0, 10.0), lost=(0.0, 1.0), path=(1e-3,),
         resistance=(2.0,), reading=(0.0, 0.1), misread=(0.0, 1e-6),
-        turned=(2.0,), lagging=(0.5,),
+        turned=(2.0,), lagging=(0.5,), gain_at=(0.0, 0.1), gain=(0.9, 1.1),
     )  # fmt: skip
     effects = dict(force.effects())
     assert effects["residual_table"] == {
@@ -63,6 +63,7 @@ def test_a_description_is_the_effects_that_a_simulation_takes():
     assert effects["motor_loss_table"] == {"motor_force": (0.0, 10.0), "loss": (0.0, 1.0)}
     assert effects["cable_hysteresis"] == {"force": 2.0, "stiffness": pytest.approx(2000.0)}
     assert effects["motor_hysteresis_table"] == {"width": (2.0,), "loss": (0.5,)}
+    assert effects["motor_gain_table"] == {"position": (0.0, 0.1), "factor": (0.9, 1.1)}
     assert effects["misreading_table"] == {"position": (0.0, 0.1), "error": (0.0, 1e-6)}
 
 

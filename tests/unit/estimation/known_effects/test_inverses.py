@@ -51,6 +51,14 @@ def test_ripple_over_position():
     np.testing.assert_allclose(gain(ports.positions), ports.position_gain, rtol=1e-12)
 
 
+def test_a_gain_from_a_table():
+    values = {"position": (-0.1, 0.0, 0.08), "factor": (1.0, 0.9, 1.05)}
+    (gain,) = terms_of("motor_gain_table", values).gains
+    ports = ports_of("motor_gain_table", values)
+    np.testing.assert_allclose(gain(ports.positions), ports.position_gain, rtol=1e-12)
+    np.testing.assert_allclose(gain(np.array([-0.2, 0.2])), [1.0, 1.05])
+
+
 @pytest.mark.parametrize("name", ["friction_position", "friction_spot", "friction_map"])
 def test_coulomb_force_over_the_table(name):
     values = drawn(name)

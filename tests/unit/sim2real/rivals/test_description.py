@@ -58,7 +58,7 @@ def test_it_goes_on_straight_beyond_the_speeds_recorded(tmp_path):
         ("frequency", "", ""),
         ("acceleration", "", ""),
         ("other_axis", "", ""),
-        ("position", "force", ""),
+        ("time", "friction", ""),
         ("position", "", "innovations"),
     ],
 )
@@ -87,6 +87,23 @@ def test_an_encoder_that_misreads_is_described_by_its_error(tmp_path):
     assert not any((*found.always, *found.against, *found.over_velocity))
     bent = np.diff(found.misread, 2)
     assert np.corrcoef(np.diff(error(np.array(found.reading)), 2), bent)[0, 1] > 0.9
+
+
+def test_a_motor_that_is_weak_in_places_is_described_by_its_gain(tmp_path):
+    def gain(x):
+        return 1.0 - 0.15 * np.exp(-0.5 * ((x - 0.2) / 0.06) ** 2)
+
+    def weak(t, x, v, a):
+        return (TOOL.force(t, x, v, a) - 80.0) / gain(x)
+
+    recording, stage = imported(replace(TOOL, force=weak, known=KNOWN), tmp_path)
+    nodes = tuple(np.arange(0.0, 0.4, 0.02).tolist())
+    unlisted = Unlisted(
+        "a", "position", (), 0.9, 0.9, (0.8, 1.0), ForceCurve(nodes, nodes, nodes), "force"
+    )
+    found = description(measure_motion(recording, stage), stage, "a", [unlisted])
+    assert found.gap_closed > 0.9
+    assert found.gain == pytest.approx(gain(np.array(found.gain_at)), abs=0.03)
 
 
 def test_noise_is_not_described(tmp_path):

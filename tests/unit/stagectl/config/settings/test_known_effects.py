@@ -59,10 +59,10 @@ def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
     left = set()
     for name, effect in own_effects().items():
         values = {
-            p.key: [0.0, 0.1] if p.role == "table" else p.ranges(axis)[-1][1]
+            p.key: [0.5, 1.0] if p.role == "table" else p.ranges(axis)[-1][1]
             for p in effect.parameters
         }
-        values |= {"width": [1.0, 2.0]} if name == "motor_hysteresis_table" else {}
+        values |= {"width": [10.0, 20.0]} if name == "motor_hysteresis_table" else {}
         text = ", ".join([f"effect: {name}", *(f"{k}: {v!r}" for k, v in values.items())])
         one = machine(text)
         (found,) = known_effects(one)
