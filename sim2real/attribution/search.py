@@ -44,6 +44,7 @@ from sim2real.scoring.constants import (
     MASS,
     MOST_EFFECTS,
     NEAR,
+    OFFSET,
     OPEN,
     PASSES,
     PROMISING,
@@ -90,6 +91,7 @@ def search_effects(
     is_gap = open_gap > OPEN * FLOOR_LEVEL and not _is_tolerance(problem, last)
     for _ in range(PASSES if is_gap else 0):
         last, added = selection.look_forward(last)
+        last = selection.look_for_constant(last)
         steps |= {step.name: step for step in added}
         effects = last.model.names()
         if not added or len(effects) == 1:
@@ -295,6 +297,16 @@ class _Selection:
                 current = ranking.refine([current, *ranking.fit(beside, 3)])
         return current
 
+    def look_for_constant(self, current: Alternative) -> Alternative:
+        """A constant force in the place of a spring from beyond the travel, if that scores better.
+
+        Fits may end before they reach a large force; that of the spring shows its size.
+        """
+        start = constant_instead(current.model, self._problem.axis, self._library)
+        if start is None:
+            return current
+        return self._ranking.refine([current, *self._ranking.fit([start], 5)])
+
     def look_for_factor(self, current: Alternative) -> Alternative:
         """A factor on the force in the place of mass, friction and stiffness, if that takes less.
 
@@ -322,6 +334,24 @@ class _Selection:
         behind = sorted((best(trial.model.names()) for trial in step.trials), key=score)
         terms = {a.model.terms[-1].name: a.model.terms[-1] for a in behind if score(a) < least}
         return [term for name, term in terms.items() if name != step.name][:RIVALS]
+
+
+def constant_instead(
+    model: AxisModel, axis: AxisSettings, library: Mapping[str, Effect]
+) -> AxisModel | None:
+    """A start with a constant force in the place of a spring that is centered beyond the travel.
+
+    None where the model has no such spring, or a constant force already.
+    """
+    low, high = axis.travel
+    for index, term in enumerate(model.terms):
+        at = shift_only_place(term.effect)
+        if at is not None and not low <= term.values[at] <= high:
+            rest = model.without(index)
+            force = _constant_force(model, axis) - _constant_force(rest, axis)
+            if OFFSET in library and OFFSET not in rest.names():
+                return rest.added(Term(library[OFFSET], (force,)))
+    return None
 
 
 def factor_instead(
@@ -364,4 +394,6 @@ def without_effect(model: AxisModel, index: int, axis: AxisSettings) -> AxisMode
 
 
 def _constant_force(model: AxisModel, axis: AxisSettings) -> float:
-    return EffectPorts.filled(model.settings(axis), _PERIOD, _PERIOD).force
+    """What a model's effects take at rest in the middle of the travel [N]."""
+    ports = EffectPorts.filled(model.settings(axis), _PERIOD, _PERIOD)
+    return ports.force + ports.spring * sum(axis.travel) / 2.0

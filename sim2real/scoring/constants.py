@@ -75,7 +75,7 @@ by no more than the largest of: `CLOSE`, this share of its score, its cost beyon
 HOPELESS = 128.0
 """A search in the free loop ends where four effects or more leave this gap over the floor: two
 further ones would not explain it."""
-FACTOR, MASS = "force_constant", "payload_mass"
+FACTOR, MASS, OFFSET = "force_constant", "payload_mass", "force_offset"
 SCALED = (MASS, "coulomb_level", "viscous_damping", "presliding_stiffness")
 FEWEST_SCALED = 3
 """The loop cannot tell the first effect from all of `SCALED` by one factor. It is tried in their
