@@ -405,9 +405,9 @@ class EmpiricalForce:
 
     def effects(self) -> list[tuple[str, dict[str, float | tuple[float, ...]]]]:
         """Names and values of the effects that have this force in simulations."""
-        found: list[tuple[str, dict[str, float | tuple[float, ...]]]] = [
-            ("residual_table", {**self.table()})
-        ]
+        found: list[tuple[str, dict[str, float | tuple[float, ...]]]] = []
+        if any((*self.always, *self.over_velocity)) or set(self.coulomb) - {1.0}:
+            found.append(("residual_table", {**self.table()}))
         if self.motor_force:
             found.append(("motor_loss_table", {"motor_force": self.motor_force, "loss": self.lost}))
         for path, force in zip(self.path, self.resistance, strict=True):

@@ -238,10 +238,12 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
     for force in found.report.empirical:
         if force.axis not in effects:  # described beside the figures examined
             plant[force.axis] = _found_figures(machine, examined, force.axis)
-        effects.setdefault(force.axis, []).extend(force.effects())
+        described = force.effects()
+        effects.setdefault(force.axis, []).extend(described)
         places, speeds = force.position, force.velocity
+        names = " and ".join(dict.fromkeys(name for name, _ in described))
         comments += [
-            f"residual_table on {force.axis} is a description and no cause. It closes "
+            f"On {force.axis}, {names}: a description and no cause. It closes "
             f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,",
             f"on held-out strokes; beyond {places[0]:.4g} to {places[-1]:.4g} and speeds of "
             f"{speeds[1]:.3g} to {speeds[-2]:.3g} it extrapolates.",

@@ -78,7 +78,7 @@ def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, tmp_pa
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["verdict"] in ("unexplained", "partly_explained")
     assert "residual_table" not in {c["effect"] for c in report["causes"] + report["candidates"]}
-    assert "# residual_table on x is a description and no cause." in twin.read_text()
+    assert "# On x, residual_table: a description and no cause." in twin.read_text()
     done = stagectl(
         "gap", "compare", before / "recording.h5", after / "recording.h5", "--json", "-"
     )

@@ -67,6 +67,15 @@ def test_a_description_is_the_effects_that_a_simulation_takes():
     assert effects["misreading_table"] == {"position": (0.0, 0.1), "error": (0.0, 1e-6)}
 
 
+def test_a_description_has_no_table_of_zeros():
+    zeros = (0.0, 0.0)
+    force = EmpiricalForce(
+        "x", 0.9, (0.0, 0.1), zeros, zeros, coulomb=(1.0, 1.0), velocity=(-1.0, 1.0),
+        over_velocity=zeros, reading=(0.0, 0.1), misread=(0.0, 1e-6),
+    )  # fmt: skip
+    assert [name for name, _ in force.effects()] == ["misreading_table"]
+
+
 def test_an_unknown_verdict_is_refused():
     with pytest.raises(ValueError, match="verdict: 'perhaps'"):
         GapReport((), "perhaps", "")
