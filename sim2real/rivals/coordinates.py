@@ -90,6 +90,11 @@ class Coordinate:
         return self.along in along and self.times != "history"
 
     @property
+    def is_held(self) -> bool:
+        """Whether a curve shows by its bends only, as an encoder's error does."""
+        return self.times == "reading"
+
+    @property
     def is_narrow(self) -> bool:
         """Whether most of the nodes over position lie where nothing bends the curve."""
         return self.step < 2.0 * _NARROW

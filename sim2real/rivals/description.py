@@ -100,7 +100,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
         return ()
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
-    opened = screen.together(nothing, bends(0, 0), 0.0).energy
+    opened = screen.together(nothing, bends(0, 0), 0.0, np.empty(0, np.bool_)).energy
     if screen.samples < _FEWEST or opened < NO_GAP_BELOW * screen.floor:
         return ()
     known, every = {_curve(u) for u in unlisted}, set(_CURVES)
@@ -159,7 +159,7 @@ class _Fit:
             if curve in steps:
                 coordinates[curve] = replace(further, step=steps[curve])
         self._at: dict[str, tuple[Coordinate, F64]] = {}
-        columns, bent = [], []
+        columns, bent, held = [], [], []
         for curve, coordinate in coordinates.items():
             at = _nodes(screen, coordinate)
             if len(at) < 2:
@@ -170,6 +170,7 @@ class _Fit:
             columns.append(float(curve in over) * screen.columns(coordinate, at))
             size = columns[-1].shape[1]
             bent.append(bends(size if coordinate.is_curve else 0, size))
+            held.append(np.full(size, coordinate.is_held))
         self._level = _coulomb_level(
             loop.axis, loop.settings.sync_period, self._at["position_direction"][1]
         )
@@ -179,7 +180,9 @@ class _Fit:
         self._edges = np.cumsum([0, *(own.shape[1] for own in columns)])
         self._screen = screen
         # Friction over position and over velocity share a constant.
-        self._prediction = screen.together(np.hstack(columns), block_diag(*bent), _SMALL)
+        self._prediction = screen.together(
+            np.hstack(columns), block_diag(*bent), _SMALL, np.concatenate(held)
+        )
 
     def description(self, opened: float) -> Description:
         """The fits as forces; `opened`: energy of the gap that is described."""

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
 from sim2real.fitting import MAX_SIGMAS
-from stagedata import F64
+from stagedata import F64, BoolArray
 
+_WORTH = 3.0
+"""Height of a held curve over its bends: that of a wave of ten nodes."""
 _LITTLE = 1e-6
 """Weight of the penalty on every height, which keeps what was hardly passed at 0."""
 
@@ -75,9 +77,23 @@ class GroupedFit:
         figures = slice(size, size + len(moved))
         self._plain = np.zeros((len(self._total) - 1, len(self._total) - 1))
         self._plain[figures, figures] = coherent * np.eye(len(moved))
+        self._spread = np.full(size, np.inf)
         self._held = np.zeros(len(self._plain))
         self._held[figures] = coherent * moved
         self._bounds = figures, -MAX_SIGMAS - moved, MAX_SIGMAS - moved
+
+    def hold(self, held: BoolArray, values: F64) -> None:
+        """Expect of a curve that shows by its bends only no more than these are worth.
+
+        Args:
+            held: which of the columns it is, bool[n].
+            values: fitted without, float64[n or more].
+        """
+        own = np.flatnonzero(held)
+        if len(own) > 2:
+            bends_rms = float(np.sqrt(np.mean(np.diff(values[own], 2) ** 2)))
+            self._spread[own] = max(_WORTH * bends_rms, 1e-12)
+            self._plain[own, own] = self._coherent / self._spread[own] ** 2
 
     def best(self, penalties: Sequence[F64]) -> F64:
         """Values fitted to all samples with the best of these penalties, as of `judged`."""
@@ -95,6 +111,7 @@ class GroupedFit:
         noise = self._coherent * max(float(energies.sum()) / max(samples, 1), 1.0)
         inverse = np.linalg.inv(_normal(self._total, prior))
         sigma = np.sqrt(np.maximum(noise * np.diag(inverse), 0.0))
+        sigma[: self._size] = np.minimum(sigma[: self._size], self._spread)
         return Prediction(energies, self._values(self._total, prior), sigma, folds)
 
     def _chosen(self, penalties: Sequence[F64]) -> tuple[F64, F64, tuple[F64, ...]]:

@@ -56,7 +56,7 @@ class Innovations:
         self._figures = figures * self._problem.spread * self._root[:, None]
         self._turn = np.arange(len(left)) // _LENGTH
         self._noise = self._problem.noise_energy * self._by_turn(self._root)
-        self._open = self._fitted(np.empty((len(self._target), 0)), 0)
+        self._open = self._fitted(np.empty((len(self._target), 0)))
 
     @cached_property
     def _ranking(self) -> Sequence[tuple[float, Coordinate, F64, Prediction]]:
@@ -71,7 +71,7 @@ class Innovations:
             if at is None:
                 continue
             over = self._columns(coordinate, at, courses)
-            found = self._fitted(over, over.shape[1] if coordinate.is_curve else 0)
+            found = self._fitted(over, coordinate)
             share = self._share(found.energy)
             if coordinate.over not in ranked or share < ranked[coordinate.over][0]:
                 ranked[coordinate.over] = share, coordinate, at, found
@@ -149,18 +149,23 @@ class Innovations:
             parts.append([innovation_response(gains, gains.force, own)[mask] for own in each])
         return np.concatenate([np.transpose(part) for part in parts]) * self._root[:, None]
 
-    def _fitted(self, over: F64, bent: int) -> Prediction:
+    def _fitted(self, over: F64, coordinate: Coordinate | None = None) -> Prediction:
         """Columns beside the plant's figures, with the best weight of their bends.
 
         Args:
             over: weighted, float64[R, n].
-            bent: number of the first columns that are a curve.
+            coordinate: that they are over; None without any.
         """
-        second = bends(bent, over.shape[1])
+        size = over.shape[1]
+        is_curve = coordinate is not None and coordinate.is_curve
+        second = bends(size if is_curve else 0, size)
         fit_by_part = GroupedFit(
             np.column_stack((over, self._figures, self._target)),
             self._turn % _PARTS, self._turn, (_PARTS, len(self._noise)),
             over.shape[1], np.zeros(self._figures.shape[1]), 1.0,
         )  # fmt: skip
-        weights = _SMOOTH if bent else _SMOOTH[:1]
-        return fit_by_part.judged([weight * second.T @ second for weight in weights])
+        weights = _SMOOTH if is_curve else _SMOOTH[:1]
+        penalties = [weight * second.T @ second for weight in weights]
+        if coordinate is not None and coordinate.is_held:
+            fit_by_part.hold(np.full(size, True), fit_by_part.best(penalties))
+        return fit_by_part.judged(penalties)

@@ -163,7 +163,8 @@ class Screen:
         size = over.shape[1]
         both = over if beside is None else np.column_stack((over, beside.effects))
         second = bends(size if coordinate.is_curve else 0, both.shape[1])
-        best = self._smoothed(both, second, 0.0, beside)
+        held = (np.arange(both.shape[1]) < size) & coordinate.is_held
+        best = self._smoothed(both, second, 0.0, beside, held)
         return Curve(*as_curve(coordinate, at, best.values[:size], best.sigma[:size]), best)
 
     def nodes(self, coordinate: Coordinate) -> F64 | None:
@@ -189,19 +190,22 @@ class Screen:
         each = (columns(coordinate, at, course) for course in self._courses)
         return np.concatenate([self._seen(number, own) for number, own in enumerate(each)])
 
-    def together(self, over: F64, second: F64, small: float) -> Prediction:
+    def together(self, over: F64, second: F64, small: float, held: BoolArray) -> Prediction:
         """Several curves beside the plant's figures as they are, with the best weight.
 
         Args:
             over: columns of all curves, float64[R, n].
             second: differences of the heights that bends are, float64[m, n].
             small: weight of each height beside that of the bends.
+            held: columns of a curve that shows by its bends only, bool[n].
         """
         none = np.empty((len(self._residual), 0))
         fixed = Linear(self._residual, none, none, np.empty(0))
-        return self._smoothed(over, second, small, fixed)
+        return self._smoothed(over, second, small, fixed, held)
 
-    def _smoothed(self, over: F64, second: F64, small: float, beside: Linear | None) -> Prediction:
+    def _smoothed(
+        self, over: F64, second: F64, small: float, beside: Linear | None, flat: BoolArray
+    ) -> Prediction:
         """Curves with the best weight of their bends, which are few.
 
         First a bend weighs by its square, then by its magnitude: such a penalty leaves curves that
@@ -212,6 +216,7 @@ class Screen:
             second: as of `together`.
             small: as of `together`.
             beside: as of `_fit`.
+            flat: columns of a curve that is held, bool[n].
         """
         fit = self._fit(over, beside)
         held = small * np.eye(over.shape[1])
@@ -219,6 +224,7 @@ class Screen:
             return fit.judged([held])
         squared = second.T @ second + held
         values = fit.best([w * squared for w in _SMOOTH])
+        fit.hold(flat, values)
         bent = np.abs(second @ values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
         by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second + held
