@@ -8,6 +8,7 @@ import numpy as np
 from hil_sim.effects import Compensation, Effect, EffectPorts, Parameter
 from hil_sim.settings import AxisSettings
 
+_MOST = 100
 _STEEPEST = 0.9
 """Largest share of a change of the motor force that may be lost right after it turns."""
 
@@ -38,6 +39,8 @@ class MotorHysteresisTable(Effect):
     def refusal(self, parameters: Mapping[str, Any], axis: AxisSettings) -> str | None:
         """See `Effect.refusal`: lists that do not fit each other, or lose too much of a change."""
         widths, losses = (np.array(parameters[key]) for key in ("width", "loss"))
+        if not 1 <= len(widths) <= _MOST:
+            return f"width: must have 1 to {_MOST} values, has {len(widths)}"
         if len(losses) != len(widths):
             return f"loss: must have {len(widths)} values like width, has {len(losses)}"
         if not (widths > 0.0).all():

@@ -204,7 +204,7 @@ class Screen:
         return self._smoothed(over, second, small, fixed, held)
 
     def _smoothed(
-        self, over: F64, second: F64, small: float, beside: Linear | None, flat: BoolArray
+        self, over: F64, second: F64, small: float, beside: Linear | None, held: BoolArray
     ) -> Prediction:
         """Curves with the best weight of their bends, which are few.
 
@@ -216,18 +216,18 @@ class Screen:
             second: as of `together`.
             small: as of `together`.
             beside: as of `_fit`.
-            flat: columns of a curve that is held, bool[n].
+            held: as of `together`.
         """
         fit = self._fit(over, beside)
-        held = small * np.eye(over.shape[1])
+        little = small * np.eye(over.shape[1])
         if not len(second):
-            return fit.judged([held])
-        squared = second.T @ second + held
+            return fit.judged([little])
+        squared = second.T @ second + little
         values = fit.best([w * squared for w in _SMOOTH])
-        fit.hold(flat, values)
+        fit.hold(held, values)
         bent = np.abs(second @ values[: over.shape[1]])
         mean = max(float(bent.mean()), 1e-12)
-        by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second + held
+        by_size = (second.T * (mean / (bent + _STRAIGHT * mean))) @ second + little
         return fit.judged([w * by_size for w in (*_SMOOTH, *_STRAIGHTER)])
 
     def linear(self, model: AxisModel) -> Linear | None:

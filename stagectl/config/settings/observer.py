@@ -172,6 +172,8 @@ def _with_effects(figures: AxisFigures, effects: Iterable[Effect]) -> AxisFigure
                 drive = replace(drive, force_ratio=drive.force_ratio * p["ratio"])
             case "force_ripple":  # where the motor is strongest
                 drive = replace(drive, force_ratio=drive.force_ratio * (1.0 + abs(p["ratio"])))
+            case "motor_gain_table":
+                drive = replace(drive, force_ratio=drive.force_ratio * max(p["factor"]))
             case "resonance":
                 carriage = replace(carriage, hung=(*carriage.hung, _mode(p)))
             case "base_motion":

@@ -47,6 +47,7 @@ def test_the_force_along_a_motion_is_that_before_the_loss(ironed):
 @pytest.mark.parametrize(
     ("changed", "reason"),
     [
+        ({"width": (), "loss": ()}, "width: must have 1 to 100 values, has 0"),
         ({"loss": (0.5,)}, "loss: must have 2 values like width, has 1"),
         ({"width": (0.0, 1.0)}, "width: must be above 0"),
         ({"loss": (1.5, 4.0)}, "loss: changes by 0.95 N per N, at most 0.9"),

@@ -37,6 +37,7 @@ def test_effects_of_the_hosts_file_change_the_loop(machine):
         Effect("current_bandwidth", {"bandwidth": 300.0}),
         Effect("dead_time", {"delay": 3e-4}),
         Effect("force_constant", {"ratio": 1.1}),
+        Effect("motor_gain_table", {"position": (-0.1, 0.1), "factor": (0.9, 1.2)}),
         Effect("resonance", {"frequency": 110.0, "damping": 0.02, "mass_ratio": 0.2}),
         Effect("base_motion", {"frequency": 10.0, "damping": 0.1, "mass_ratio": 0.03}),
         Effect("cogging", {"amplitude": 1.0, "pitch": 0.03, "phase": 0.0}),
@@ -47,7 +48,7 @@ def test_effects_of_the_hosts_file_change_the_loop(machine):
     assert own.coulomb == 9.0
     assert own.drive.current_bandwidth == 300.0
     assert own.drive.delay == 3e-4
-    assert own.drive.force_ratio == pytest.approx(1.1)
+    assert own.drive.force_ratio == pytest.approx(1.1 * 1.2)
     assert own.carriage.hung == (Mode(0.2, 110.0, 0.02),)
     assert own.carriage.base == Mode(0.03, 10.0, 0.1)
 
