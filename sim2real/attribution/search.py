@@ -288,7 +288,7 @@ class _Selection:
             fewer = without_effect(current.model, index, problem.axis)
             ranking.enter(fit(problem, fewer, 4, thorough=False))
             rest = ranking.best(fewer.names())
-            if ranking.score(current) > ranking.score(rest) - LEAST_GAIN:
+            if self._saved(rest, current) < LEAST_GAIN:
                 current = rest
                 continue
             rivals = self._rivals(steps[name], current) if name in steps else []

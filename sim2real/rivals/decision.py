@@ -41,6 +41,8 @@ _FAR = 4.0
 """Energy over that of noise that is far above it."""
 _TAKEN = 0.1
 """Share of what an effect closes that may be lost where a curve takes its place."""
+_TURNS = 1.5
+"""Periods of a wave within the motion from which it is known to come back."""
 _IN_TUNE = 0.01
 """Relative distance of a pitch from a half or a third of another one that counts as none."""
 _FEWEST = 200
@@ -104,11 +106,12 @@ class Rivals:
             models: each with one effect or more.
             leaves_structure: innovations show that something is missing whichever of them is right:
                 then a name may lose nothing that is certain, however small beside the gap.
-            is_complete: innovations show that nothing is missing: then several effects only have to
-                predict as well as a curve, for they have fewer figures; better by one standard
-                error where some are levels of friction, whose course innovations do not show. Where
-                all are, and a curve of as few figures does as well, they have to be better by all
-                that counts.
+            is_complete: innovations show that nothing is missing: then a single effect that shows
+                along the motion keeps its name, and several only have to predict as well as a
+                curve, for they have fewer figures; better by one standard error where some are
+                levels of friction, whose course innovations do not show. Where all are, and a curve
+                of as few figures does as well, they have to be better by all that counts. A wave
+                that does not come back within the motion is any curve, whatever innovations show.
         """
         best = self.best
         if best is None:
@@ -119,15 +122,18 @@ class Rivals:
                 continue
             excess, error = _compare(prediction, best.prediction)
             margin = self.margin(error)
+            lacks_nothing = is_complete and self._recur(model)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
-            if is_complete and all(levels) and self._is_one_function(best):
+            if lacks_nothing and all(levels) and self._is_one_function(best):
                 if excess < -margin:
                     return True
                 continue
+            if lacks_nothing and count_shown(self.screen, model, prediction, margin) < 2:
+                return True
             clearly = _CLEARLY
-            if is_complete:
+            if lacks_nothing:
                 clearly = 1.0 if any(levels) else -_AS_WELL
             # Noise that a curve happens to follow is no reason to take a single name away.
             excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
@@ -136,6 +142,11 @@ class Rivals:
             ):
                 return True
         return False
+
+    def _recur(self, model: AxisModel) -> bool:
+        """Whether the waves of a model come back within the motion; else they are any curve."""
+        low, high = self.screen.extent("position")
+        return all(_TURNS * pitch < high - low for pitch in _pitches(model).values())
 
     def _is_one_function(self, best: Curve) -> bool:
         """Whether the best curve would do as well with as few figures as two effects have."""
@@ -240,13 +251,7 @@ class Rivals:
 
 def harmonics(model: AxisModel) -> list[str]:
     """Names of the waves over position whose pitch is a half or a third of another one's."""
-    pitches = {
-        term.name: value
-        for term in model.terms
-        if any(p.role == "phase" for p in term.effect.parameters)
-        for p, value in zip(term.effect.parameters, term.values, strict=True)
-        if p.role == "shape" and p.unit == "m"
-    }
+    pitches = _pitches(model)
     return [
         name
         for name, pitch in pitches.items()
@@ -256,6 +261,17 @@ def harmonics(model: AxisModel) -> list[str]:
             for order in (2, 3)
         )
     ]
+
+
+def _pitches(model: AxisModel) -> dict[str, float]:
+    """Effect -> its pitch [m], of those that are waves over position."""
+    return {
+        term.name: value
+        for term in model.terms
+        if any(p.role == "phase" for p in term.effect.parameters)
+        for p, value in zip(term.effect.parameters, term.values, strict=True)
+        if p.role == "shape" and p.unit == "m"
+    }
 
 
 def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: float) -> int:

@@ -177,7 +177,7 @@ def rivals_of(nominal, gap, lost):
     )
     screen = SimpleNamespace(
         open=nothing, floor=noise.sum(), model=lambda _: name, linear=lambda _: None,
-        loop=SimpleNamespace(axis=nominal[1].axes[0]),
+        loop=SimpleNamespace(axis=nominal[1].axes[0]), extent=lambda _: (-0.05, 0.05),
     )  # fmt: skip
     none = np.empty(0)
     return Rivals(screen, [Curve(Coordinate("velocity", "velocity"), none, none, none, best)])
@@ -225,6 +225,16 @@ def test_a_complete_set_has_to_predict_as_well_as_a_curve(nominal, names, errors
     assert rivals.leave_names([both], is_complete=True) is complete
     if "thermal_drift" not in names:
         assert rivals.leave_names([both]) is (errors > 3.0)
+
+
+@pytest.mark.parametrize(("pitch", "comes_back"), [(0.03, True), (0.08, False)])
+def test_a_wave_longer_than_the_motion_is_any_curve(nominal, pitch, comes_back):
+    """Beside a spring it imitates a hose that becomes taut half way along the travel."""
+    rivals = rivals_of(nominal, 1e4, 1e-5 * np.resize(WAVES, 40))
+    spring, wave = (library()[name] for name in ("cable_stiffness", "cogging"))
+    terms = (Term(spring, (20.0, -0.03)), Term(wave, (0.3, pitch, 0.0)))
+    model = AxisModel(np.zeros(NUISANCES), terms)
+    assert rivals.leave_names([model], is_complete=True) is comes_back
 
 
 @pytest.mark.parametrize(
@@ -313,6 +323,17 @@ def test_several_effects_of_one_coordinate_are_one_curve(screen_of):
     rivals = find_rivals(screen)
     assert rivals.unlisted("x")[0].over == "time"
     assert not rivals.leave_names([screen.loop.start.added(level).added(fading)])
+
+
+def test_a_complete_set_of_which_one_shows_along_the_motion_keeps_its_names(screen_of):
+    """What acts within the control loop cannot be a part of the curve."""
+    screen = screen_of(easing, size=0.4)
+    level = Term(library()["coulomb_level"], (1.15,))
+    lag = Term(library()["current_bandwidth"], (200.0,))
+    model = screen.loop.start.added(level).added(lag)
+    rivals = find_rivals(screen)
+    assert rivals.leave_names([model], is_complete=True)
+    assert not rivals.leave_names([model])
 
 
 def test_names_stay_where_no_curve_adds_anything(screen_of):
