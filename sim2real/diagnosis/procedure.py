@@ -35,7 +35,15 @@ from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Innovations, Rivals, Screen, find_rivals
-from sim2real.scoring.constants import ENOUGH, FITTED, LONG, MASS, SCALED
+from sim2real.scoring.constants import (
+    ENOUGH,
+    FITTED,
+    LONG,
+    MASS,
+    MOST_EFFECTS,
+    MOST_FOR_CURVE,
+    SCALED,
+)
 from sim2real.tracking import Tracker
 
 _LEAST_TOLERANCE = 1e-4
@@ -178,7 +186,8 @@ class _StageSearch:
             return search.without_names(_clearer(rivals.unlisted(name), instead))
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
-        found = search.decided_in_loop(search_free(loop, self._all, rival=first[0]))
+        most = MOST_FOR_CURVE if self._is_nearly_all(name) else MOST_EFFECTS
+        found = search.decided_in_loop(search_free(loop, self._all, rival=first[0], most=most))
         model = found.best.model
         if not model.terms or not rivals.leave_names([model]):
             return found.without_names(rivals.unlisted(name) or innovations.unlisted())
@@ -222,7 +231,7 @@ class _StageSearch:
         """
         rivals = self._rivals(name)
         unlisted = rivals.unlisted(name)
-        if not unlisted or (unlisted[0].gap_closed <= ENOUGH and not is_complete):
+        if not unlisted or not (is_complete or self._is_nearly_all(name)):
             return False
         judged = {"leaves_structure": not is_complete, "is_complete": is_complete}
         if rivals.leave_names(models, **judged):
@@ -238,6 +247,10 @@ class _StageSearch:
                 scaled = [fit_free(loop, each, LONG).model for each in starts if loop.allows(each)]
                 return not scaled or not rivals.leave_names(scaled, **judged)
         return True
+
+    def _is_nearly_all(self, name: str) -> bool:
+        """Whether a curve over one coordinate explains nearly all of an axis' gap."""
+        return any(each.gap_closed > ENOUGH for each in self._rivals(name).unlisted(name))
 
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""

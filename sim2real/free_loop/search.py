@@ -127,6 +127,7 @@ def search_free(
     progress: Callable[[float], object] = lambda _: None,
     rival: AxisModel | None = None,
     *,
+    most: int = MOST_EFFECTS,
     plain_first: bool = False,
 ) -> FreeSearch:
     """Find the effects of an axis.
@@ -136,6 +137,7 @@ def search_free(
         library: effects to consider.
         progress: called with the share done.
         rival: effects found otherwise; these are the result where they score better.
+        most: effects sought.
         plain_first: an effect that every machine may have, such as a weight, is preferred to one
             that does not predict other moves better. By scores alone it is not: where structure is
             left, they take any difference for information.
@@ -146,7 +148,7 @@ def search_free(
     opened = loop.gap(loop.residual(loop.start))
     search = FreeSearch(loop, current, folds, opened, scores=selection.scores)
     plain = held = loop.held_out([fold.residual for fold in folds])
-    while len(current.model.terms) < MOST_EFFECTS:
+    while len(current.model.terms) < most:
         new = selection.add_best(current)
         if new is None or score(loop, new) >= score(loop, current):
             break
@@ -156,7 +158,7 @@ def search_free(
         if plain_first:
             current, folds, remaining = selection.prefer_plain(current, folds, (held, remaining))
         names, before = current.model.names(), search.best.model.names()
-        progress(len(names) / MOST_EFFECTS)
+        progress(len(names) / most)
         if _fall(loop, held, remaining)[0] < VISIBLE or not is_certain(held - remaining):
             if len(names) - len(before) >= PATIENCE:
                 break

@@ -126,7 +126,7 @@ class Rivals:
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
-            if lacks_nothing and all(levels) and self._is_one_function(best):
+            if lacks_nothing and all(levels) and self._is_one_function(prediction, best.coordinate):
                 if excess < -margin:
                     return True
                 continue
@@ -148,15 +148,32 @@ class Rivals:
         low, high = self.screen.extent("position")
         return all(_TURNS * pitch < high - low for pitch in _pitches(model).values())
 
-    def _is_one_function(self, best: Curve) -> bool:
-        """Whether the best curve would do as well with as few figures as two effects have."""
-        if best.coordinate.along != "position":
+    def _is_one_function(self, levels: Prediction, over: Coordinate) -> bool:
+        """Whether a curve with as few figures as two levels of friction predicts as well."""
+        if over.along != "position":
             return True
-        few = self.screen.curve(replace(best.coordinate, step=math.inf))
+        few = self.screen.curve(replace(over, step=math.inf))
         if few is None:
             return False
-        excess, error = _compare(few.prediction, best.prediction)
-        return excess <= _AS_WELL * error
+        excess, error = _compare(few.prediction, levels)
+        return excess <= error
+
+    def _misfits(self, model: AxisModel) -> list[str]:
+        """Effects that close no more than the shape of another one of their group may lack.
+
+        None where all effects together predict clearly better than a curve alone.
+        """
+        best, whole = self.best, self.screen.model(model)
+        if best is None or whole is None or len(model.terms) < 2:
+            return []
+        excess, error = _compare(whole, best.prediction)
+        if excess < -_CLEARLY * error:
+            return []
+        margin = self.margin(error)
+        shown = [loss > margin for loss in _losses(self.screen, model, whole)]
+        terms = list(zip(model.terms, shown, strict=True))
+        groups = {term.effect.group for term, shows in terms if shows}
+        return [t.name for t, shows in terms if not shows and t.effect.group in groups]
 
     def beside(
         self, model: AxisModel, kept: Sequence[str] = ()
@@ -164,10 +181,10 @@ class Rivals:
         """Effects of a model that are not needed beside the best curve, and that curve.
 
         Nothing of either where the model leaves little, or no curve beside it closes most of that.
-        No curve takes the place of effects that are `kept`. Of a wave's harmonic the curve takes it
-        in any case: it is no effect, but the shape of another one.
+        No curve takes the place of effects that are `kept`. It takes that of a wave's harmonic, and
+        of what another effect's shape may lack, in any case.
         """
-        dropped = harmonics(model)
+        dropped = [*harmonics(model), *self._misfits(model)]
         for name in dropped:
             model = model.without(model.names().index(name))
         found = self._beside(model)
@@ -277,23 +294,29 @@ def _pitches(model: AxisModel) -> dict[str, float]:
 def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: float) -> int:
     """Number of effects of a model without which it predicts worse by more than a margin.
 
-    Those within the control loop do not show along a motion, nor does a mass beside what goes with
-    acceleration. The plant's figures stay, for some would take the place of an effect of theirs.
-
     Args:
         screen: the axis.
         model: with the effects.
         whole: what it predicts.
         margin: energy.
     """
+    return sum(loss > margin for loss in _losses(screen, model, whole))
+
+
+def _losses(screen: Screen, model: AxisModel, whole: Prediction) -> list[float]:
+    """Energy that a model leaves more without each of its effects.
+
+    Those within the control loop do not show along a motion, nor does a mass beside what goes with
+    acceleration. The plant's figures stay, for some would take the place of an effect of theirs.
+    """
     effects = sum(len(coordinates(term.effect, screen.loop.axis)) for term in model.terms)
     figures = whole.values[effects : effects + STEP]
-    shown = 0
+    found = []
     for index in range(len(model.terms)):
         fewer = screen.linear(model.without(index))
         left = None if fewer is None else screen.predict(fewer.with_figures(figures))
-        shown += left is None or left.energy - whole.energy > margin
-    return shown
+        found.append(math.inf if left is None else left.energy - whole.energy)
+    return found
 
 
 def find_rivals(screen: Screen) -> Rivals:

@@ -18,6 +18,9 @@ from __future__ import annotations
 
 MOST_EFFECTS = 6
 """Effects sought on one axis: real machines show five that matter."""
+MOST_FOR_CURVE = 2
+"""Effects sought in the free loop where one curve explains nearly all: one in its place, and one
+that does not show along the motion."""
 EACH = 4.0
 """Score that each parameter of an effect must save: twice what chance saves, as in AIC."""
 TRANSMISSION = 4.0

@@ -336,6 +336,37 @@ def test_a_complete_set_of_which_one_shows_along_the_motion_keeps_its_names(scre
     assert not rivals.leave_names([model])
 
 
+def test_what_the_shape_of_a_name_lacks_is_no_other_effect(screen_of):
+    """Beside a bump in the shape of a tent a bell leaves what a level of friction takes up."""
+
+    @unlisted(SIZE, over="")
+    def tent(ports, p):
+        away = np.abs(ports.positions + 0.005) / 0.03
+        ports.scale_position_coulomb(1.0 + p["size"] * np.maximum(1.0 - away, 0.0))
+
+    bell = Term(library()["friction_position"], (0.45, -0.005, 0.0138))
+    level = Term(library()["coulomb_level"], (1.01,))
+    rivals = find_rivals(screen_of(tent, size=0.5))
+    start = rivals.screen.loop.start
+    assert rivals.leave_names([start.added(bell)], leaves_structure=False)
+    assert "coulomb_level" in rivals.beside(start.added(bell).added(level))[0]
+
+
+def test_a_small_effect_that_no_curve_predicts_keeps_its_name(screen_of):
+    dirt_and_oil = {"friction_position": (0.45, -0.005, 0.0138), "viscous_damping": (1.1,)}
+    terms = [Term(library()[name], values) for name, values in dirt_and_oil.items()]
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        for term in terms:
+            keys = [parameter.key for parameter in term.effect.parameters]
+            term.effect.apply(ports, dict(zip(keys, term.values, strict=True)))
+
+    rivals = find_rivals(screen_of(both, size=1.0))
+    model = rivals.screen.loop.start.added(terms[0]).added(terms[1])
+    assert rivals.beside(model) == ((), ())
+
+
 def test_names_stay_where_no_curve_adds_anything(screen_of):
     effect, values = library()["cogging"], (1.5, 0.03, 0.0)
     screen = screen_of(effect, amplitude=1.5, pitch=0.03, phase=0.0)
