@@ -117,7 +117,7 @@ lock: $(UV) ## requirements/ anew, with the newest versions that pyproject.toml 
 	$(COMPILE) requirements/dev.txt --constraint requirements/run.txt --all-extras --group dev pyproject.toml
 	$(COMPILE) requirements/console.txt --constraint requirements/dev.txt --extra console pyproject.toml
 	$(COMPILE) requirements/mutants.txt --constraint requirements/dev.txt --group mutants
-	$(COMPILE) requirements/release.txt --constraint requirements/dev.txt --group release
+	$(COMPILE) requirements/release.txt --constraint requirements/dev.txt --group release pyproject.toml
 
 clean: ## remove what was built
 	rm -rf $(VENV) .venv-* dist runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

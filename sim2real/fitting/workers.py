@@ -10,6 +10,8 @@ from itertools import pairwise
 from types import TracebackType
 from typing import TypeVar
 
+from threadpoolctl import threadpool_limits
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -22,7 +24,9 @@ class Workers:
     """A pool whose `map` may be called from its own tasks, which then do the work themselves.
 
     Left by an error or by Ctrl-C, it stops the work in progress: a thread cannot be ended from
-    outside, so long work calls `check` to learn whether it is still wanted.
+    outside, so long work calls `check` to learn whether it is still wanted. Within `with` linear
+    algebra has one thread: more of them inside each of these would wait for each other at full
+    load, and small systems are solved no faster.
 
     Args:
         jobs: threads; 1 works in the caller's.
@@ -39,6 +43,7 @@ class Workers:
         )
 
     def __enter__(self) -> Workers:
+        self._linear_algebra = threadpool_limits(1, user_api="blas")
         return self
 
     def __exit__(
@@ -51,6 +56,7 @@ class Workers:
             self._stopped.set()
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=error is not None)
+        self._linear_algebra.restore_original_limits()
 
     def spread(
         self,

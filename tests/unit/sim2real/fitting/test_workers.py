@@ -6,6 +6,7 @@ import threading
 import time
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from sim2real.fitting.workers import Stopped, Workers
 
@@ -74,3 +75,15 @@ def test_what_is_at_work_when_they_are_left_stops(jobs):
     assert ends == ["stopped"]
     with pytest.raises(Stopped):
         workers.check()
+
+
+def test_linear_algebra_has_one_thread_while_fits_have_theirs():
+    def threads():
+        found = {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+        assert found
+        return found
+
+    with threadpool_limits(2, user_api="blas"):
+        with Workers():
+            assert threads() == {1}
+        assert threads() == {2}
