@@ -179,7 +179,7 @@ class _StageSearch:
             if not rivals.leave_names(self._transmitted(name), leaves_structure=is_open):
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
-            return search
+            return replace(search, doubted=self._rivals(name).shapes(search.best.model))
         innovations, rivals = Innovations(search.problem), self._rivals(name)
         instead = innovations.unlisted()
         if instead and innovations.instead_of([*near, *self._transmitted(name)]):

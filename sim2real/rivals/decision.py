@@ -122,7 +122,7 @@ class Rivals:
                 continue
             excess, error = _compare(prediction, best.prediction)
             margin = self.margin(error)
-            lacks_nothing = is_complete and self._recur(model)
+            lacks_nothing = is_complete and not self._long_waves(model)
             if leaves_structure:
                 margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
             levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
@@ -143,10 +143,10 @@ class Rivals:
                 return True
         return False
 
-    def _recur(self, model: AxisModel) -> bool:
-        """Whether the waves of a model come back within the motion; else they are any curve."""
+    def _long_waves(self, model: AxisModel) -> list[str]:
+        """Names of the waves that do not come back within the motion: such a wave is any curve."""
         low, high = self.screen.extent("position")
-        return all(_TURNS * pitch < high - low for pitch in _pitches(model).values())
+        return [name for name, pitch in _pitches(model).items() if _TURNS * pitch > high - low]
 
     def _is_one_function(self, levels: Prediction, over: Coordinate) -> bool:
         """Whether a curve with as few figures as two levels of friction predicts as well."""
@@ -157,6 +157,14 @@ class Rivals:
             return False
         excess, error = _compare(few.prediction, levels)
         return excess <= error
+
+    def shapes(self, model: AxisModel) -> list[str]:
+        """Effects of several that are no more than the shape of another one.
+
+        They are a wave's harmonic, and a wave that does not come back within the motion.
+        """
+        long = self._long_waves(model) if len(model.terms) > 1 else []
+        return [*harmonics(model), *long]
 
     def _misfits(self, model: AxisModel) -> list[str]:
         """Effects that close no more than the shape of another one of their group may lack.
@@ -181,10 +189,10 @@ class Rivals:
         """Effects of a model that are not needed beside the best curve, and that curve.
 
         Nothing of either where the model leaves little, or no curve beside it closes most of that.
-        No curve takes the place of effects that are `kept`. It takes that of a wave's harmonic, and
-        of what another effect's shape may lack, in any case.
+        No curve takes the place of effects that are `kept`. It takes that of `shapes`, and of what
+        another effect's shape may lack, in any case.
         """
-        dropped = [*harmonics(model), *self._misfits(model)]
+        dropped = list(dict.fromkeys([*self.shapes(model), *self._misfits(model)]))
         for name in dropped:
             model = model.without(model.names().index(name))
         found = self._beside(model)

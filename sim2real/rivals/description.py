@@ -37,6 +37,8 @@ from stagedata import F64
 
 _PLACES = 13
 """Nodes over the travelled length, unless the missing force is known to need more."""
+_MOST = 0.5
+"""Share of the gap in force that a curve over a coordinate has to close to be the one known."""
 _LEAST = 0.1
 """Share of the gap below which a description says nothing."""
 _BEYOND = 1.5
@@ -98,6 +100,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     """
     if any(_curve(u) not in _CURVES or u.seen_in for u in unlisted):
         return ()
+    unlisted = [u for u in unlisted if u.gap_closed >= _MOST]
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
     opened = screen.together(nothing, bends(0, 0), 0.0, np.empty(0, np.bool_)).energy

@@ -235,6 +235,8 @@ def test_a_wave_longer_than_the_motion_is_any_curve(nominal, pitch, comes_back):
     terms = (Term(spring, (20.0, -0.03)), Term(wave, (0.3, pitch, 0.0)))
     model = AxisModel(np.zeros(NUISANCES), terms)
     assert rivals.leave_names([model], is_complete=True) is comes_back
+    assert rivals.shapes(model) == ([] if comes_back else ["cogging"])
+    assert rivals.shapes(model.without(0)) == [], "alone it may be a wave"
 
 
 @pytest.mark.parametrize(
@@ -267,6 +269,16 @@ def test_the_simplest_description_is_the_known_coordinate_alone(screen_of):
     assert set(simplest.coulomb) == {1.0}
     assert not any(simplest.over_velocity)
     assert all(set(force.coulomb) != {1.0} for force in others)
+
+
+def test_a_coordinate_that_closes_little_does_not_say_where_nodes_lie(screen_of):
+    """Nodes as close as its own follow what belongs to the places where the axis came to rest."""
+    screen = screen_of(drag, size=300.0)
+    (found,) = find_rivals(screen_of(splinter, size=3.0)).unlisted("x")
+    fine, *_ = describe_force(screen.loop, [found])
+    coarse = describe_force(screen.loop, [replace(found, gap_closed=0.3)])
+    assert coarse
+    assert all(len(each.force.position) < 15 < len(fine.force.position) for each in coarse)
 
 
 def test_a_library_effect_keeps_its_name(screen_of):
