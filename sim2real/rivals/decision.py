@@ -120,28 +120,39 @@ class Rivals:
             prediction = self.screen.model(model) if model.terms else None
             if prediction is None:
                 continue
-            excess, error = _compare(prediction, best.prediction)
-            margin = self.margin(error)
-            lacks_nothing = is_complete and not self._long_waves(model)
-            if leaves_structure:
-                margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
-            levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
-            if lacks_nothing and all(levels) and self._is_one_function(prediction, best.coordinate):
-                if excess < -margin:
-                    return True
-                continue
-            if lacks_nothing and count_shown(self.screen, model, prediction, margin) < 2:
-                return True
-            clearly = _CLEARLY
-            if lacks_nothing:
-                clearly = 1.0 if any(levels) else -_AS_WELL
-            # Noise that a curve happens to follow is no reason to take a single name away.
-            excess_of_one = excess + min(best.prediction.energy - self.screen.floor, 0.0)
-            if excess < -min(margin, clearly * error) or (
-                excess_of_one <= margin and count_shown(self.screen, model, prediction, margin) < 2
-            ):
+            if is_complete and not self._long_waves(model):
+                keeps = self._complete_keeps(model, prediction, best)
+            else:
+                keeps = self._keeps(model, prediction, best, leaves_structure)
+            if keeps:
                 return True
         return False
+
+    def _keeps(
+        self, model: AxisModel, prediction: Prediction, best: Curve, leaves_structure: bool
+    ) -> bool:
+        """Whether a model keeps its names beside the best curve, by what it predicts."""
+        excess, error = _compare(prediction, best.prediction)
+        margin = self.margin(error)
+        if leaves_structure:
+            margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
+        if excess < -min(margin, _CLEARLY * error):
+            return True
+        # Noise that a curve happens to follow is no reason to take a single name away.
+        excess += min(best.prediction.energy - self.screen.floor, 0.0)
+        return excess <= margin and count_shown(self.screen, model, prediction, margin) < 2
+
+    def _complete_keeps(self, model: AxisModel, prediction: Prediction, best: Curve) -> bool:
+        """The same of a model that lacks nothing by the innovations."""
+        excess, error = _compare(prediction, best.prediction)
+        margin = self.margin(error)
+        levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
+        if all(levels) and self._is_one_function(prediction, best.coordinate):
+            return excess < -margin
+        better = 1.0 if any(levels) else -_AS_WELL
+        if excess < -min(margin, better * error):
+            return True
+        return count_shown(self.screen, model, prediction, margin) < 2
 
     def _long_waves(self, model: AxisModel) -> list[str]:
         """Names of the waves that do not come back within the motion: such a wave is any curve."""
