@@ -333,7 +333,7 @@ def _next(
             if set(alternative.model.names()) == swapped:
                 why = f"{effect} and {substitute} on {alike.axis} fit nearly as well"
                 return between(why, alike.axis, result.best.model, alternative.model)
-    if report.verdict == UNEXPLAINED:
+    if report.verdict == UNEXPLAINED and not report.unlisted:
         axis = max(searches, key=lambda name: searches[name].open_gap)
         nearer = [
             alternative

@@ -155,9 +155,18 @@ class Rivals:
         return count_shown(self.screen, model, prediction, margin) < 2
 
     def _long_waves(self, model: AxisModel) -> list[str]:
-        """Names of the waves that do not come back within the motion: such a wave is any curve."""
+        """Waves that do not come back within the motion, beside another effect of their group.
+
+        Together these are any curve.
+        """
         low, high = self.screen.extent("position")
-        return [name for name, pitch in _pitches(model).items() if _TURNS * pitch > high - low]
+        groups = [term.effect.group for term in model.terms]
+        group_of = dict(zip(model.names(), groups, strict=True))
+        return [
+            name
+            for name, pitch in _pitches(model).items()
+            if _TURNS * pitch > high - low and groups.count(group_of[name]) > 1
+        ]
 
     def _is_one_function(self, levels: Prediction, over: Coordinate) -> bool:
         """Whether a curve with as few figures as two levels of friction predicts as well."""
@@ -170,12 +179,8 @@ class Rivals:
         return excess <= error
 
     def shapes(self, model: AxisModel) -> list[str]:
-        """Effects of several that are no more than the shape of another one.
-
-        They are a wave's harmonic, and a wave that does not come back within the motion.
-        """
-        long = self._long_waves(model) if len(model.terms) > 1 else []
-        return [*harmonics(model), *long]
+        """Effects that are no more than the shape of another one: harmonics, and long waves."""
+        return [*harmonics(model), *self._long_waves(model)]
 
     def _misfits(self, model: AxisModel) -> list[str]:
         """Effects that close no more than the shape of another one of their group may lack.

@@ -255,7 +255,7 @@ def _over_coordinate(found: findings.Unlisted) -> Fact:
     """A coordinate that a force depends on, and those that could take its place."""
     low, high = found.gap_closed_interval
     what = f"{found.what} {OVER_WORDS[found.over]}{_TIMES[found.times]}"
-    closed = f"{percent(found.gap_closed)} ({100 * low:.0f} to {100 * high:.0f} %)"
+    closed = f"{percent(found.gap_closed)} ({percent(low)} to {percent(high)})"
     text = (
         f"{found.axis}: {what} that no effect of the library has; closes {closed}"
         f"{_CLOSED_OF[found.seen_in]}, p = {found.probability:.2f}"

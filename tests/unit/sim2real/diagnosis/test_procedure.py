@@ -183,6 +183,7 @@ def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal):
     assert found.report.verdict == "unexplained"
     assert not found.report.causes
     (over,) = found.report.unlisted
+    assert found.report.next_experiment is None, "no two effects are in question"
     assert (over.axis, over.over) == ("y", "position")
     assert over.gap_closed > 0.5
     assert found.report.empirical

@@ -117,7 +117,7 @@ def test_a_coordinate_seen_in_innovations_says_what_it_closes(examined, explaine
     for text in (
         "on y a force over motor force closes 80 % of the one-step prediction errors",
         "y: a force over motor force, with hysteresis, that no effect of the library has; "
-        "closes 80 % (70 to 90 %) of the one-step prediction errors, p = 0.80",
+        "closes 80 % (70 % to 90 %) of the one-step prediction errors, p = 0.80",
         "Axis y: force over force since it turned",
     ):
         assert text in page.replace("\u00a0", " ")
