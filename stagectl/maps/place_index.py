@@ -22,6 +22,8 @@ class PlaceIndex:
 
     def __init__(self, radius: float, places: Iterable[Pair] = ()) -> None:
         self._radius = radius
+        # Places one radius apart, after rounding, are in neighbouring squares.
+        self._side = radius * (1.0 + 1e-9)
         self._places: list[Pair] = []
         self._squares: dict[tuple[int, int], list[int]] = {}
         for place in places:
@@ -46,4 +48,4 @@ class PlaceIndex:
         )
 
     def _square(self, place: Sequence[float]) -> tuple[int, int]:
-        return math.floor(place[0] / self._radius), math.floor(place[1] / self._radius)
+        return math.floor(place[0] / self._side), math.floor(place[1] / self._side)

@@ -15,6 +15,7 @@ PLACE = st.tuples(COORDINATE, COORDINATE)
 
 @given(places=st.lists(PLACE, max_size=30), at=PLACE)
 @example(places=[(-RADIUS, 0.0), (RADIUS, 0.0), (0.0, 2 * RADIUS)], at=(0.0, 0.0))
+@example(places=[(RADIUS, RADIUS)], at=(RADIUS, -1e-190))
 def test_near_is_what_lies_within_the_radius_in_the_order_added(places, at):
     near = PlaceIndex(RADIUS, places).near(at)
     assert near == [n for n, place in enumerate(places) if math.dist(place, at) <= RADIUS]
