@@ -110,8 +110,8 @@ class Rivals:
                 along the motion keeps its name, and several only have to predict as well as a
                 curve, for they have fewer figures; better by one standard error where some are
                 levels of friction, whose course innovations do not show. Where all are, and a curve
-                of as few figures does as well, they have to be better by all that counts. A wave
-                that does not come back within the motion is any curve, whatever innovations show.
+                of as few figures does as well, they have to be better by all that counts. With a
+                wave that does not come back within the motion a set is any curve of its group.
         """
         best = self.best
         if best is None:
