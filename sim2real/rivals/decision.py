@@ -176,7 +176,7 @@ class Rivals:
         if few is None:
             return False
         excess, error = _compare(few.prediction, levels)
-        return excess <= error
+        return excess <= max(error, _FAINT * self.screen.floor)
 
     def shapes(self, model: AxisModel) -> list[str]:
         """Effects that are no more than the shape of another one: harmonics, and long waves."""

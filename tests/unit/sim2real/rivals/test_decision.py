@@ -227,6 +227,22 @@ def test_a_complete_set_has_to_predict_as_well_as_a_curve(nominal, names, errors
         assert rivals.leave_names([both]) is (errors > 3.0)
 
 
+@pytest.mark.parametrize(("worse", "kept"), [(0.05, False), (0.5, True)])
+def test_a_bump_beside_a_level_is_a_slope_where_few_nodes_do_as_well(nominal, worse, kept):
+    """By less than what matters anywhere the names predict better, however certain that is."""
+    moves = 20
+    rivals = rivals_of(nominal, 1e4, -1e-3 * (1.0 + 0.02 * np.resize(WAVES, moves)))
+    names = rivals.screen.model(None)
+    few = replace(names, energies=names.energies + worse * 100.0)
+    (best,) = rivals.curves
+    best = replace(best, coordinate=Coordinate("position_direction", "position", "friction"))
+    rivals.screen.curve = lambda _: replace(best, prediction=few)
+    bump, level = (library()[name] for name in ("friction_position", "coulomb_level"))
+    terms = (Term(bump, (0.3, 0.05, 0.05)), Term(level, (0.85,)))
+    model = AxisModel(np.zeros(NUISANCES), terms)
+    assert replace(rivals, curves=[best]).leave_names([model], is_complete=True) is kept
+
+
 @pytest.mark.parametrize(("pitch", "comes_back"), [(0.03, True), (0.08, False)])
 def test_a_wave_longer_than_the_motion_is_any_curve(nominal, pitch, comes_back):
     """Beside a spring it imitates a hose that becomes taut half way along the travel."""
