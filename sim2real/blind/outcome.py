@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, TypeAdapter
 
 from sim2real.blind.draw import Drawn
-from sim2real.findings import Number
+from sim2real.json_numbers import Number
 
 Figure = Annotated[Number, BeforeValidator(lambda value: math.nan if value is None else value)]
 """Null in JSON where it is not finite."""

@@ -16,7 +16,8 @@ import numpy as np
 from hil_sim.effects import Effect
 from hil_sim.effects.library import own_effects
 from sim2real.diagnosis.examination import Examination
-from sim2real.findings import Cause, EmpiricalForce, Unlisted
+from sim2real.empirical_force import EmpiricalForce
+from sim2real.findings import Cause, Unlisted
 from sim2real.fitting import NUISANCES, AxisModel, Term, compose_stage
 from sim2real.held_out import FOLDS, HeldOut, Models, Remaining, combined_energy, share_closed
 from sim2real.open_loop import MotionLoop, measure_motion

@@ -34,7 +34,7 @@ _AS_WELL = 0.5
 """Standard errors by which a prediction may be worse and still be as good."""
 _FAINT = 0.25
 """Energy over that of noise which matters nowhere."""
-_MOST, _SHOWN = 0.5, 0.2
+MOST, _SHOWN = 0.5, 0.2
 """Shares of the gap that a curve has to close on other moves: to take names away, and to be shown
 where nothing has a name and the gap is far above the floor."""
 _FAR = 4.0
@@ -73,7 +73,7 @@ class Rivals:
     @property
     def best(self) -> Curve | None:
         """The curve that predicts other moves best, where it closes most of the gap."""
-        return self._closing(_MOST)
+        return self._closing(MOST)
 
     def _closing(self, least: float) -> Curve | None:
         """The curve that predicts other moves best, where it closes this share of the gap."""
@@ -257,7 +257,7 @@ class Rivals:
         if not self.curves:
             return ()
         is_far = self.opened.energy > _FAR * self.screen.floor
-        best = self._closing(_SHOWN if is_far else _MOST)
+        best = self._closing(_SHOWN if is_far else MOST)
         if best is None:
             return ()
         odds, alike = [], []
@@ -354,7 +354,7 @@ def find_rivals(screen: Screen) -> Rivals:
     if screen.closed(curves[0].prediction) < ENOUGH:
         curves = _ranked([*curves, *_curves(screen, WAVES)])
     best, closed = curves[0].coordinate, screen.closed(curves[0].prediction)
-    closer = NARROW if best.along == "position" or closed < _MOST else ()
+    closer = NARROW if best.along == "position" or closed < MOST else ()
     if closed > ENOUGH:  # what its nodes are too far apart for is all that is left
         closer += tuple(each for each in CLOSER if each.over == best.over)
     curves = _ranked([*curves, *_curves(screen, closer)])

@@ -27,18 +27,18 @@ from scipy.linalg import block_diag
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.effects.residual_table import ResidualTable
 from hil_sim.settings import AxisSettings
-from sim2real.findings import EmpiricalForce, Unlisted
+from sim2real.empirical_force import EmpiricalForce
+from sim2real.findings import Unlisted
 from sim2real.gap import NO_GAP_BELOW
 from sim2real.open_loop import MotionLoop
 from sim2real.rivals.coordinates import Coordinate, as_curve
+from sim2real.rivals.decision import MOST
 from sim2real.rivals.grouped_fit import bends
 from sim2real.rivals.screen import Screen
 from stagedata import F64
 
 _PLACES = 13
 """Nodes over the travelled length, unless the missing force is known to need more."""
-_MOST = 0.5
-"""Share of the gap in force that a curve over a coordinate has to close to be the one known."""
 _LEAST = 0.1
 """Share of the gap below which a description says nothing."""
 _BEYOND = 1.5
@@ -100,7 +100,7 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
     """
     if any(_curve(u) not in _CURVES or u.seen_in for u in unlisted):
         return ()
-    unlisted = [u for u in unlisted if u.gap_closed >= _MOST]
+    unlisted = [u for u in unlisted if u.gap_closed >= MOST]
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
     opened = screen.together(nothing, bends(0, 0), 0.0, np.empty(0, np.bool_)).energy

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from sim2real import findings
+from sim2real.empirical_force import EmpiricalForce
 from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
 from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
 from stagectl.report.outline import Fact, Outline, Section, Table
@@ -291,7 +292,7 @@ def _empirical(report: findings.GapReport) -> Section:
     return Section("What no effect explains", facts, label="empirical")
 
 
-def _described(force: findings.EmpiricalForce) -> str:
+def _described(force: EmpiricalForce) -> str:
     parts = {
         "position": (*force.always, *force.against),
         "direction": force.against,

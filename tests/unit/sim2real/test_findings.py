@@ -5,9 +5,9 @@ import math
 
 import pytest
 
+from sim2real.empirical_force import EmpiricalForce
 from sim2real.findings import (
     Cause,
-    EmpiricalForce,
     FigureChange,
     GapFigures,
     GapReport,

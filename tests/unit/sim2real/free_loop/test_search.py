@@ -85,6 +85,12 @@ def test_effects_found_otherwise_are_the_result_where_they_score_better(screw):
     assert worse.best.model.names() == ("force_offset",)
 
 
+def test_no_more_effects_are_sought_than_asked_for(screw):
+    known = library()
+    found = search_free(screw, {name: known[name] for name in THREE}, most=2)
+    assert len(found.best.model.terms) == 2
+
+
 def test_values_that_are_not_physical_have_no_residual(screw):
     impossible = screw.start.added(Term(library()["payload_mass"], (-100.0,)))
     (left, plain) = screw.residuals([impossible, screw.start])
