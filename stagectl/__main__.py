@@ -1,8 +1,8 @@
 """Entry point of `stagectl` and `python -m stagectl`; handles Ctrl-C outside the commands.
 
-Commands handle Ctrl-C themselves. Before a command starts, during an import or a compilation, and
-while the interpreter shuts down, a KeyboardInterrupt could end in a traceback, a wrong exit code or
-an abort in C++, or get lost. There, Ctrl-C ends the process at once.
+Commands handle Ctrl-C themselves. Before a command starts, during an import or a compilation, in a
+finalizer and while the interpreter shuts down, a KeyboardInterrupt could end in a traceback, a
+wrong exit code or an abort in C++, or get lost. There, Ctrl-C ends the process at once.
 """
 
 from __future__ import annotations
@@ -55,11 +55,15 @@ def main() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Ctrl-C during a command that has no handler of its own."""
+    """Ctrl-C during a command that has no handler of its own.
+
+    An exception would get lost in a finalizer, which is often the first call after a kernel.
+    """
     caller = frame
     while caller is not None:
-        file = caller.f_code.co_filename
-        if file == "<frozen importlib._bootstrap>" or f"{os.sep}llvmlite{os.sep}" in file:
+        file, name = caller.f_code.co_filename, caller.f_code.co_name
+        is_import = file == "<frozen importlib._bootstrap>"
+        if is_import or name == "__del__" or f"{os.sep}llvmlite{os.sep}" in file:
             _stop_at_once()
         caller = caller.f_back
     signal.default_int_handler(number, frame)

@@ -346,3 +346,21 @@ def test_a_message_has_no_control_characters(stagectl, tmp_path):
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.isprintable()
+
+
+def test_ctrl_c_in_a_finalizer_is_not_lost():
+    """Python prints what a finalizer raises, and goes on."""
+    script = """
+import os, signal
+from stagectl.__main__ import _interrupt
+class Bus:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, _interrupt)
+del [Bus()][0]
+print("went on")
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "stagectl: stopped\n")
