@@ -254,7 +254,8 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
             f"{figure.figure} of {figure.axis}: {value:.4g} {figure.unit} fitted; the machine file "
             f"leaves it unknown."
         )
-    write_atomically(path, render_twin(machine, effects, plant, comments), "machine file")
+    text = render_twin(machine, effects, plant, comments, path.parent)
+    write_atomically(path, text, "machine file")
 
 
 def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict[str, float]:

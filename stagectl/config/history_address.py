@@ -10,6 +10,8 @@ import re
 from pathlib import Path
 from urllib.parse import unquote
 
+OFF = "none"
+"""In place of a path: no history."""
 UNNAMED = "PostgreSQL"
 """Name of a server whose address cannot be shown safely."""
 _PAIR = re.compile(r"(?:^|\s)(?:host|hostaddr|port|dbname|user|(?:ssl)?password|service)\s*=")
@@ -25,6 +27,11 @@ _HOST, _DATABASE, _PORT = (
 def is_server(where: str) -> bool:
     """Whether `where` is a URL or libpq's `host=... dbname=...`, not a path."""
     return "://" in where or _PAIR.search(where) is not None
+
+
+def is_path(where: str) -> bool:
+    """Whether `where` names a file."""
+    return where != OFF and not is_server(where)
 
 
 def without_password(where: str) -> str:

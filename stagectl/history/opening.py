@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stagectl.config.history_address import is_server
+from stagectl.config.history_address import OFF, is_path, is_server
 from stagectl.history.database import NoHistory, SqliteDatabase
 
 if TYPE_CHECKING:
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from stagectl.history.sql import History
 
 FILE_NAME = "stage.db"
-OFF = "none"
-"""In place of a path: no history."""
 
 
 def open_history(where: str, write: bool = False) -> History:
@@ -58,7 +56,7 @@ def existing_history(where: str | None) -> Iterator[History | None]:
 def machine_history(machine: Machine) -> str | None:
     """The history that a machine file names; a path is relative to that file."""
     where = machine.history
-    if where is None or where == OFF or is_server(where):
+    if where is None or not is_path(where):
         return where
     return str(Path(machine.source).parent / where)
 

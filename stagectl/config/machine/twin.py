@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import yaml
 
 from hil_sim.effects import Value
+from stagectl.config.history_address import OFF, is_path
 from stagectl.config.machine.file import parse_machine
 from stagectl.config.machine.model import Machine
 from stagectl.config.machine.unknown import spell_out
@@ -18,6 +22,7 @@ def render_twin(
     effects: Mapping[str, Sequence[tuple[str, Mapping[str, Value]]]],
     plant: Mapping[str, Mapping[str, float]] | None = None,
     comments: Sequence[str] = (),
+    folder: Path | None = None,
 ) -> str:
     """The text of a machine file with effects added and parameters changed.
 
@@ -26,6 +31,7 @@ def render_twin(
         effects: axis -> (name, parameters in SI units) of each effect to add.
         plant: axis -> parameter -> value in SI units: `mass`, or a key of `friction`.
         comments: lines for the head of the file.
+        folder: where the file will be, whose relative paths then begin there; None: as they are.
 
     Raises:
         StagectlError: the machine file does not have an axis or parameter.
@@ -35,6 +41,8 @@ def render_twin(
 
     document = spell_out(machine.document)
     axes = document["axes"]
+    if folder is not None and Path(machine.source).is_file():
+        _move_paths(document, Path(machine.source).parent, folder)
     for name in {*effects, *(plant or {})}:
         if name not in axes:
             raise StagectlError(f"{machine.source}: no axis {name}")
@@ -56,6 +64,18 @@ def render_twin(
     text = head + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
     stage_settings(parse_machine(text, "twin", fitted=True))
     return text
+
+
+def _move_paths(document: dict[str, Any], beside: Path, folder: Path) -> None:
+    """Make the paths in a machine file, relative to one folder, relative to another one."""
+    named = [(document, "history")] if is_path(document.get("history", OFF)) else []
+    for axis in document["axes"].values():
+        named.append((axis, "eds"))
+        if str(axis["drive"].get("profile")).endswith(".yaml"):
+            named.append((axis["drive"], "profile"))
+    for section, key in named:
+        if key in section and not Path(section[key]).is_absolute():
+            section[key] = os.path.relpath(beside / section[key], folder)
 
 
 def _plain(value: Value) -> float | list[float]:

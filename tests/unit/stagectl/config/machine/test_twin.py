@@ -1,6 +1,7 @@
 """Machine files with effects added."""
 
 import pytest
+import yaml
 
 from stagectl.config import load_machine, parse_machine, stage_settings
 from stagectl.config.machine.twin import render_twin
@@ -46,3 +47,20 @@ def test_a_twin_has_tables_and_says_what_they_are():
         assert applied.parameters == table
     with pytest.raises(ConfigError, match="force: must have 13 values like position, has 2"):
         render_twin(twin, {"x": [("residual_table", table | {"force": (1.0, 2.0)})]})
+
+
+def test_a_twin_in_another_folder_finds_the_files_that_its_machine_file_names(tmp_path):
+    given = yaml.safe_load(render_twin(load_machine(), {}))
+    for axis in given["axes"].values():
+        axis["eds"], axis["drive"]["profile"] = "drives/d.eds", "own.yaml"
+    source = tmp_path / "machines" / "stage.yaml"
+    source.parent.mkdir()
+    source.write_text(yaml.safe_dump({**given, "history": "stage.db"}))
+    machine = load_machine(source)
+    twin = parse_machine(render_twin(machine, {}, folder=tmp_path / "gap"), "t")
+    assert {axis.eds for axis in twin.axes.values()} == {"../machines/drives/d.eds"}
+    assert {axis.drive.profile for axis in twin.axes.values()} == {"../machines/own.yaml"}
+    assert twin.history == "../machines/stage.db"
+    # Nobody knows where the files were that the machine file in a recording names.
+    recorded = parse_machine(source.read_text(), "recording.h5:machine")
+    assert "eds: drives/d.eds" in render_twin(recorded, {}, folder=tmp_path / "gap")
