@@ -129,8 +129,13 @@ def search_effects(
 
 def _is_tolerance(problem: AxisProblem, plain: Alternative) -> bool:
     """Whether figures within their tolerance explain an axis."""
-    within = np.abs(plain.model.base[:STEP] / problem.spread[:STEP]).max() < WITHIN
-    return bool(within) and plain.gap < NEAR and problem.is_white(plain.fitted.residual)
+    is_near = plain.gap < NEAR and _are_figures_within(problem, plain)
+    return is_near and problem.is_white(plain.fitted.residual)
+
+
+def _are_figures_within(problem: AxisProblem, found: Alternative) -> bool:
+    """Whether the plant's figures are within their tolerance: else they stand in for an effect."""
+    return bool(np.abs(found.model.base[:STEP] / problem.spread[:STEP]).max() < WITHIN)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,7 +217,8 @@ class _Selection:
             last = best
             self._progress((depth + 1) / MOST_EFFECTS)
             problem.rescale(best.fitted.residual)
-            if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
+            is_done = best.gap < OPEN * FLOOR_LEVEL and _are_figures_within(problem, best)
+            if is_done and problem.is_white(best.fitted.residual):
                 break
             if depth and self._is_hopeless([a.model for a in ranking.ranked()[:FITTED]]):
                 break

@@ -120,6 +120,18 @@ def test_a_factor_on_the_force_is_not_mass_friction_and_stiffness(nominal):
     assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
 
 
+@pytest.mark.slow
+def test_figures_far_off_do_not_stand_in_for_an_effect(nominal):
+    """Mass, friction and stiffness five tolerances off each imitate a factor on the force."""
+    there = {
+        "cable_hysteresis": {"force": 1.0, "stiffness": 1380.0},
+        "force_constant": {"ratio": 0.985},
+    }
+    recording = stage_with(nominal, 40, y=there)
+    found = diagnosed(recording, nominal[1], *there, "payload_mass", "viscous_damping")
+    assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in there}
+
+
 def test_ctrl_c_ends_the_searches(nominal):
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
     examined = examine([recording], nominal[1])
