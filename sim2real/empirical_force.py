@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sim2real.json_numbers import Nodes, Number
+import numpy as np
+
+from hil_sim.effects.residual_table import MOST_NODES
+from sim2real.json_numbers import Nodes, Number, NumberIfAny
+
+_PER_PERIOD = 40
+"""Nodes per period of a force that repeats itself, beyond those recorded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +41,8 @@ class EmpiricalForce:
         gain: the factor there.
         reading: nodes over position of an encoder's error [m]; empty where it reads right.
         misread: what it reads too much there [m].
+        period: distance after which the forces over position repeat themselves [m]; 0 where none is
+            known.
     """
 
     axis: str
@@ -55,6 +63,7 @@ class EmpiricalForce:
     gain: Nodes = field(default=(), kw_only=True)
     reading: Nodes = field(default=(), kw_only=True)
     misread: Nodes = field(default=(), kw_only=True)
+    period: NumberIfAny = field(default=0.0, kw_only=True)
 
     def effects(self) -> list[tuple[str, dict[str, float | tuple[float, ...]]]]:
         """Names and values of the effects that have this force in simulations."""
@@ -68,17 +77,33 @@ class EmpiricalForce:
         if self.turned:
             found.append(("motor_hysteresis_table", {"width": self.turned, "loss": self.lagging}))
         if self.gain_at:
-            found.append(("motor_gain_table", {"position": self.gain_at, "factor": self.gain}))
+            at, gain = self._going_on(self.gain_at, self.gain)
+            found.append(("motor_gain_table", {"position": at, "factor": gain}))
         if self.reading:
             found.append(("misreading_table", {"position": self.reading, "error": self.misread}))
         return found
 
     def table(self) -> dict[str, tuple[float, ...]]:
         """Values of the effect `residual_table`."""
+        places, always, coulomb = self._going_on(self.position, self.always, self.coulomb)
         return {
-            "position": self.position,
-            "force": self.always,
-            "coulomb": self.coulomb,
+            "position": places,
+            "force": always,
+            "coulomb": coulomb,
             "velocity": self.velocity,
             "velocity_force": self.over_velocity,
         }
+
+    def _going_on(self, places: Nodes, *tables: Nodes) -> tuple[Nodes, ...]:
+        """Nodes over position, and tables that repeat themselves beyond those recorded."""
+        if not self.period:
+            return places, *tables
+        low, high = places[0], places[-1]
+        most = min((high - low) / self.period * _PER_PERIOD, (MOST_NODES - len(places)) / 2)
+        beyond = self.period / _PER_PERIOD * np.arange(1.0, most)
+        at = np.concatenate((low - beyond[::-1], places, high + beyond))
+        away = np.ceil((low - at) / self.period).clip(0) - np.ceil((at - high) / self.period).clip(
+            0
+        )
+        within = at + self.period * away
+        return tuple(at), *(tuple(np.interp(within, places, table)) for table in tables)

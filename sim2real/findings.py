@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, WrapSerializer
 
 from sim2real.empirical_force import EmpiricalForce
-from sim2real.json_numbers import Number
+from sim2real.json_numbers import Number, NumberIfAny
 
 FORMAT, VERSION = "stagectl-gap-report", 2
 
@@ -197,6 +197,7 @@ class Unlisted:
             for neither, or where `over` says it.
         seen_in: "innovations" where friction's wander hides it along the motion: `gap_closed` is
             then the share of the one-step prediction errors beyond noise; else "".
+        period: distance after which a force over position repeats itself [m]; 0 where none shows.
     """
 
     axis: str
@@ -208,6 +209,7 @@ class Unlisted:
     curve: ForceCurve
     times: Annotated[str, GIVEN] = ""
     seen_in: Annotated[str, GIVEN] = ""
+    period: NumberIfAny = 0.0
 
     @property
     def what(self) -> str:

@@ -14,3 +14,5 @@ Number = Annotated[
 """Null in JSON where it is not finite, as JSON has neither nan nor infinity."""
 Nodes = Annotated[tuple[Number, ...], Field(exclude_if=lambda values: not values)]
 """Part of the JSON only where there are any."""
+NumberIfAny = Annotated[Number, Field(exclude_if=lambda value: not value)]
+"""Part of the JSON only where it is not 0."""

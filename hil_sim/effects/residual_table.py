@@ -10,7 +10,7 @@ from hil_sim.settings import AxisSettings
 
 _STEEPEST = 0.5
 """Limit of damping x control period / mass and of stiffness x control period^2 / mass."""
-_MOST_NODES = 1000
+MOST_NODES = 1000
 
 
 class ResidualTable(Effect):
@@ -75,8 +75,8 @@ class ResidualTable(Effect):
 def refuse_nodes(parameters: Mapping[str, Any], nodes: str, table: str) -> str | None:
     """Why a table cannot belong to its nodes, keys of `parameters`; None where it can."""
     at, heights = np.array(parameters[nodes]), np.array(parameters[table])
-    if not 2 <= len(at) <= _MOST_NODES:
-        return f"{nodes}: must have 2 to {_MOST_NODES} nodes, has {len(at)}"
+    if not 2 <= len(at) <= MOST_NODES:
+        return f"{nodes}: must have 2 to {MOST_NODES} nodes, has {len(at)}"
     if not (np.diff(at) > 0.0).all():
         return f"{nodes}: must increase from node to node"
     if len(heights) != len(at):

@@ -90,6 +90,11 @@ class Coordinate:
         return self.along in along and self.times != "history"
 
     @property
+    def may_repeat(self) -> bool:
+        """Whether a curve may go on beyond the recorded places, as of magnets and screws."""
+        return self.along == "position" and self.times != "reading"
+
+    @property
     def is_held(self) -> bool:
         """Whether a curve shows by its bends only, as an encoder's error does."""
         return self.times == "reading"

@@ -43,6 +43,9 @@ _TAKEN = 0.1
 """Share of what an effect closes that may be lost where a curve takes its place."""
 _TURNS = 1.5
 """Periods of a wave within the motion from which it is known to come back."""
+_POINTS, _REPEATS = 1000, 0.1
+"""Points of a curve that are compared, and the largest difference, over that of points apart, of a
+curve that repeats itself."""
 _IN_TUNE = 0.01
 """Relative distance of a pitch from a half or a third of another one that counts as none."""
 _FEWEST = 200
@@ -281,13 +284,34 @@ class Rivals:
         over, times = best.coordinate.over, best.coordinate.times
         if over == "position_direction":
             times = ""
-        found = Unlisted(axis, over, tuple(alike), probability, share, interval, force, times)
+        found = Unlisted(
+            axis, over, tuple(alike), probability, share, interval, force, times,
+            period=find_period(best) if best.coordinate.may_repeat else 0.0,
+        )  # fmt: skip
         return (found,)
 
     def margin(self, error: float) -> float:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
         gap = max(self.opened.energy - self.screen.floor, 0.0)
         return min(max(error, _LITTLE * gap), _MUCH * gap)
+
+
+def find_period(curve: Curve) -> float:
+    """Distance after which a curve repeats itself, in its coordinate's unit; 0 where it does not.
+
+    At that distance, of which the curve has two or more, it differs from itself by less than a
+    tenth of what points apart do, and at some shorter distance by more than these.
+    """
+    at = np.linspace(curve.at[0], curve.at[-1], _POINTS)
+    force = np.interp(at, curve.at, curve.force)
+    lags = range(1, _POINTS // 2)
+    unlike = np.array([np.mean((force[lag:] - force[:-lag]) ** 2) for lag in lags])
+    unlike /= max(2.0 * float(np.var(force)), 1e-12)
+    other = np.flatnonzero(unlike > 1.0)
+    if not len(other):
+        return 0.0
+    lag = other[0] + int(unlike[other[0] :].argmin())
+    return float(at[lag + 1] - at[0]) if unlike[lag] < _REPEATS else 0.0
 
 
 def harmonics(model: AxisModel) -> list[str]:

@@ -146,6 +146,7 @@ class _Fit:
     ) -> None:
         loop = screen.loop
         self._name, self._over = loop.name, over
+        self._period = max((u.period for u in unlisted), default=0.0)
         low, high = screen.extent("position")
         step = (high - low) / (_PLACES - 1)
         steps = {_curve(u): min(u.curve.at[1] - u.curve.at[0], step) for u in unlisted}
@@ -229,8 +230,9 @@ class _Fit:
         lists = [places, always, against, speeds, over_velocity]
         given: dict[str, Any] = {key: tuple(part.tolist()) for key, part in further.items()}
         return EmpiricalForce(
-            self._name, closed, *(tuple(part.tolist()) for part in lists), **given
-        )
+            self._name, closed, *(tuple(part.tolist()) for part in lists),
+            period=self._period, **given,
+        )  # fmt: skip
 
 
 def _increasing(at: F64, heights: F64) -> tuple[F64, F64]:

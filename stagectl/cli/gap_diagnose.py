@@ -242,10 +242,11 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
         effects.setdefault(force.axis, []).extend(described)
         places, speeds = force.position, force.velocity
         names = " and ".join(dict.fromkeys(name for name, _ in described))
+        repeats = f" it repeats every {force.period:.4g}, and beyond" if force.period else " and"
         comments += [
             f"On {force.axis}, {names}: a description and no cause. It closes "
             f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,",
-            f"on held-out strokes; beyond {places[0]:.4g} to {places[-1]:.4g} and speeds of "
+            f"on held-out strokes; beyond {places[0]:.4g} to {places[-1]:.4g}{repeats} speeds of "
             f"{speeds[1]:.3g} to {speeds[-2]:.3g} it extrapolates.",
         ]
     for figure in found.report.fitted:

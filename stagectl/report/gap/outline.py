@@ -76,7 +76,7 @@ def diagnosis_outline(
             "causes": Section("Causes", list(map(_cause, report.causes)), label="cause"),
             "unlisted": Section(
                 "Forces that no effect of the library has",
-                list(map(_over_coordinate, report.unlisted)),
+                [_over_coordinate(found, report.gap or {}) for found in report.unlisted],
                 label="unlisted",
                 note="Over which coordinate of the motion the missing force is a curve, and how "
                 "much of the gap in force along the motion the curve closes on moves that took no "
@@ -252,10 +252,13 @@ def _cause(cause: findings.Cause) -> Fact:
     return Fact(text, details=details, share=cause.probability)
 
 
-def _over_coordinate(found: findings.Unlisted) -> Fact:
+def _over_coordinate(found: findings.Unlisted, gap: findings.Gap) -> Fact:
     """A coordinate that a force depends on, and those that could take its place."""
     low, high = found.gap_closed_interval
     what = f"{found.what} {OVER_WORDS[found.over]}{_TIMES[found.times]}"
+    if found.period:
+        unit = "mm" if gap[found.axis]["force"].unit == "N" else "mrad"
+        what += f", repeating every {1e3 * found.period:.3g} {unit},"
     closed = f"{percent(found.gap_closed)} ({percent(low)} to {percent(high)})"
     text = (
         f"{found.axis}: {what} that no effect of the library has; closes {closed}"

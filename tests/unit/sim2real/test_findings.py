@@ -2,7 +2,9 @@
 
 import json
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from sim2real.empirical_force import EmpiricalForce
@@ -65,6 +67,33 @@ def test_a_description_is_the_effects_that_a_simulation_takes():
     assert effects["motor_hysteresis_table"] == {"width": (2.0,), "loss": (0.5,)}
     assert effects["motor_gain_table"] == {"position": (0.0, 0.1), "factor": (0.9, 1.1)}
     assert effects["misreading_table"] == {"position": (0.0, 0.1), "error": (0.0, 1e-6)}
+
+
+def test_what_repeats_itself_goes_on_beyond_the_recorded_places():
+    at = np.linspace(-0.04, 0.05, 91)
+    wave = np.sin(2.0 * math.pi * at / 0.03)
+    force = EmpiricalForce(
+        "x", 0.9, tuple(at), tuple(2.0 * wave), tuple(wave), coulomb=tuple(1.0 + 0.2 * wave),
+        velocity=(-1.0, 1.0), over_velocity=(0.0, 0.0), gain_at=tuple(at),
+        gain=tuple(1.0 + 0.1 * wave), period=0.03,
+    )  # fmt: skip
+    effects = dict(force.effects())
+    beyond = np.array([-0.12, -0.0525, 0.0575, 0.1325])
+    expected = np.sin(2.0 * math.pi * beyond / 0.03)
+    table, gain = effects["residual_table"], effects["motor_gain_table"]
+    for nodes, heights, size, middle in (
+        (table["position"], table["force"], 2.0, 0.0),
+        (table["position"], table["coulomb"], 0.2, 1.0),
+        (gain["position"], gain["factor"], 0.1, 1.0),
+    ):
+        there = np.interp(beyond, nodes, heights)
+        np.testing.assert_allclose(there, middle + size * expected, atol=0.02 * size)
+    nodes = np.array(table["position"])
+    assert (np.diff(nodes) > 0.0).all()
+    assert nodes[0] == pytest.approx(-0.13, abs=1e-3)
+    assert nodes[-1] == pytest.approx(0.14, abs=1e-3)
+    fine = replace(force, period=1e-3)
+    assert len(fine.table()["position"]) <= 1000
 
 
 def test_a_description_has_no_table_of_zeros():

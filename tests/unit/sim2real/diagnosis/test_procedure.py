@@ -198,7 +198,11 @@ def test_an_effect_in_another_shape_loses_its_name_to_its_coordinate(nominal):
     assert found.report.next_experiment is None, "no two effects are in question"
     assert (over.axis, over.over) == ("y", "position")
     assert over.gap_closed > 0.5
-    assert found.report.empirical
+    assert over.period == pytest.approx(harmonics["pitch"], rel=0.02)
+    (force,) = found.report.empirical
+    assert (
+        force.table()["position"][0] < min(recording.axes["y"].position_actual) - harmonics["pitch"]
+    )
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Screen, describe_force, find_rivals
 from sim2real.rivals.coordinates import Coordinate, stop_operators
-from sim2real.rivals.decision import Rivals, count_shown, harmonics
+from sim2real.rivals.decision import Rivals, count_shown, find_period, harmonics
 from sim2real.rivals.grouped_fit import Prediction
 from sim2real.rivals.screen import Curve
 from tests.unit.sim2real.conftest import TOLERANCE
@@ -253,6 +253,23 @@ def test_a_wave_longer_than_the_motion_is_any_curve(nominal, pitch, comes_back):
     assert rivals.leave_names([model], is_complete=True) is comes_back
     assert rivals.shapes(model) == ([] if comes_back else ["cogging"])
     assert rivals.shapes(model.without(0)) == [], "alone it may be a wave"
+
+
+@pytest.mark.parametrize(
+    ("force", "period"),
+    [
+        (lambda x: np.sin(x / 0.004 + 1.0) + 0.5 * np.sin(3.0 * x / 0.004), 0.004 * 2.0 * np.pi),
+        (lambda x: np.sin(x / 0.01), 0.0),  # seen less than twice
+        (lambda x: 40.0 * x + np.exp(-((x / 0.002) ** 2)), 0.0),
+        (lambda x: np.tanh((x - 0.01) / 0.003), 0.0),
+        (lambda x: np.random.default_rng(1).standard_normal(len(x)).cumsum(), 0.0),
+        (lambda x: 0.0 * x, 0.0),
+    ],
+)
+def test_only_a_curve_that_has_been_seen_twice_repeats_itself(force, period):
+    at = np.linspace(-0.05, 0.04, 91)
+    curve = Curve(Coordinate("position", "position"), at, force(at), 0.0 * at, None)
+    assert find_period(curve) == pytest.approx(period, rel=0.01)
 
 
 @pytest.mark.parametrize(
