@@ -28,6 +28,7 @@ from sim2real.scoring.constants import (
     DOUBTED,
     RELATIVE,
     SHOWN,
+    SIGNIFICANT,
     STEP_SHARE,
     STRANGE,
     TUNED,
@@ -111,7 +112,7 @@ def _largest_probability(
     Without doubts it is 1, or `UNCERTAIN` where the model leaves structure, where the recordings do
     not show the effect's shape, and of a constant level of friction, which a slow drift resembles
     within seconds. Doubt arises from a
-    size that may be zero by its sigma, and from implausible values (unless the effect alone
+    size that may be zero by two sigmas, and from implausible values (unless the effect alone
     explains the axis completely). What the fit needs is doubted for both only. What gives back
     nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
     what is not needed beside a curve.
@@ -138,7 +139,7 @@ def _is_size_uncertain(
     if entry.parameter.role != "size" or neutral is None or not math.isfinite(neutral):
         return False
     figure = figures[entry.parameter.key]
-    return figure.sigma > abs(figure.value - neutral)
+    return SIGNIFICANT * figure.sigma > abs(figure.value - neutral)
 
 
 def _is_shape_unknown(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:

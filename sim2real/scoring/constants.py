@@ -109,9 +109,9 @@ SURE, SURE_COORDINATE = 0.99, 0.97
 UNCERTAIN = 0.85
 """Largest probability of a name where structure is left: a relative of what acts may close most of
 the gap as well. `--leave-out`."""
-DOUBTED = 0.45
-"""Largest probability of an effect whose size may be zero by its sigma, or whose values are not
-plausible at all."""
+DOUBTED, SIGNIFICANT = 0.45, 2.0
+"""Largest probability of an effect whose size may be zero by this many sigmas, or whose values are
+not plausible at all."""
 SHOWN = 8
 """Candidates shown per axis."""
 
