@@ -175,8 +175,13 @@ def conclude(
     if examined.open_loop is None:
         report = replace(report, next_experiment=_next(report, results, examined))
     report = replace(report, fitted=fitted_figures(examined, results, models))
-    diagnosis = Diagnosis(report, models, _searches(results))
-    return _with_twin(diagnosis, examined, results, held_out) if causes else diagnosis
+    steps = {
+        name: tuple(step.model for step in result.free.steps)
+        for name, result in results.items()
+        if result.free is not None
+    }
+    diagnosis = Diagnosis(report, models, _searches(results), steps=steps)
+    return _with_twin(diagnosis, examined, held_out) if causes else diagnosis
 
 
 def _twin_models(
@@ -203,22 +208,12 @@ def _searches(results: Mapping[str, AxisResult]) -> dict[str, AxisSearch]:
     return {name: result for name, result in results.items() if isinstance(result, AxisSearch)}
 
 
-def _with_twin(
-    diagnosis: Diagnosis,
-    examined: Examination,
-    results: Mapping[str, AxisResult],
-    held_out: HeldOut,
-) -> Diagnosis:
+def _with_twin(diagnosis: Diagnosis, examined: Examination, held_out: HeldOut) -> Diagnosis:
     """A diagnosis that names causes, with what shows its effects."""
     return replace(
         diagnosis,
         explained=held_out.explained,
         plant=moved_figures(examined.settings, diagnosis.models),
-        steps={
-            name: tuple(step.model for step in result.free.steps)
-            for name, result in results.items()
-            if result.free is not None
-        },
     )
 
 

@@ -302,14 +302,20 @@ def _check_holes(time: FloatArray, period: float, path: Path) -> None:
 
 def _moves(recording: Recording, machine: Machine, period: float) -> tuple[Move, ...]:
     """The moves of the demand; without one, the strokes of the measured motion."""
+    from sim2real.gap import match_periods
     from sim2real.open_loop import measure_motion
     from sim2real.phases import split_moves
 
     if any("position_demand" in axis.missing for axis in recording.axes.values()):
+        settings = stage_settings(machine)
         try:
-            return measure_motion(recording, stage_settings(machine)).recording.moves
+            strokes = measure_motion(recording, settings).recording.moves
         except ValueError:  # too few samples
             return ()
+        place = match_periods(recording.time, settings.sync_period)
+        ends = (np.searchsorted(place, (stroke.start, stroke.end)).tolist() for stroke in strokes)
+        moved = zip(strokes, ends, strict=True)
+        return tuple(replace(m, start=start, end=end) for m, (start, end) in moved if end > start)
     demands = {name: axis.position_demand for name, axis in recording.axes.items()}
     return tuple(
         Move(

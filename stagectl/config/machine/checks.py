@@ -61,7 +61,7 @@ def check_machine(machine: Machine, document: Document) -> list[str]:
         _check_drive(axis.drive, (*at, "drive"), refuse)
         _check_friction(axis.plant.friction, (*at, "plant", "friction"), refuse)
         if len(problems) == before:  # else contradictions may only follow from it
-            for key, reason in find_contradictions(axis):
+            for key, reason in find_contradictions(axis, is_log=machine.bus.interface == NO_BUS):
                 refuse((*at, *key), reason)
         sync, period = machine.bus.sync_period, axis.drive.control_period
         if period > sync or not _whole(sync / period):

@@ -53,9 +53,15 @@ def find_implausible(axis: Axis) -> Iterator[tuple[Place, str]]:
             yield path, f"must be at most {greatest:g}{in_unit}, is {value:g}"
 
 
-def find_contradictions(axis: Axis) -> Iterator[tuple[Place, str]]:
-    """Keys within the axis of values that contradict others, and why."""
-    yield from _lacking_force(axis)
+def find_contradictions(axis: Axis, *, is_log: bool = False) -> Iterator[tuple[Place, str]]:
+    """Keys within the axis of values that contradict others, and why.
+
+    Args:
+        axis: of a machine file.
+        is_log: whether only a log says what its drive is: it has moved the axis.
+    """
+    if not is_log:
+        yield from _lacking_force(axis)
     yield from _disordered_lengths(axis)
 
 

@@ -63,6 +63,12 @@ def test_what_it_says_stays(tmp_path):
     assert (a.travel, a.rotary, a.drive.rated_force) == ((-1.0, 2.0), True, 2000.0)
 
 
+def test_any_mass_may_be_stated(tmp_path):
+    """No force of a drive is known that could be too small for it."""
+    _, machine = imported(SHORT, tmp_path, LOG.replace("mass: unknown", "mass: 5000"))
+    assert machine.axes["a"].plant.mass == 5000.0
+
+
 def test_turns_of_a_joint_are_counted(tmp_path):
     many = replace(ROBOT, motion=lambda t: 40.0 * ROBOT.motion(t), duration=5.0)
     _, machine = imported(many, tmp_path, LOG + "    rotary: true\n")

@@ -124,6 +124,18 @@ def test_without_a_demand_the_measured_position_is_one(columns, tmp_path):
     np.testing.assert_allclose(slide.position_demand, columns["qm"], atol=2e-6)
 
 
+def test_moves_of_a_log_that_lost_rows_are_where_its_samples_are(columns, tmp_path):
+    axis = AXIS.replace("    position_demand: {column: qg}\n", "")
+    whole = logged(tmp_path, columns, TIMED, axis=axis)
+    lost = slice(1500, 1503)
+    log = {name: np.delete(values, lost) for name, values in columns.items()}
+    found = logged(tmp_path, log, TIMED, axis=axis)
+    assert len(found.moves) == len(whole.moves) > 2
+    for ours, theirs in zip(found.moves, whole.moves, strict=True):
+        assert found.time[ours.start] == pytest.approx(whole.time[theirs.start], abs=0.02)
+    assert found.moves[-1].end == len(found)
+
+
 def test_a_velocity_is_integrated_to_the_position(columns, tmp_path):
     log = columns | {"v": np.gradient(columns["qm"], columns["t"]) * 1e3}
     axis = AXIS.replace("{column: qm}", "{column: v, unit: mm/s, integrate: true}")
