@@ -58,6 +58,10 @@ _LIMIT = 4.0
 (`Effect.any_size`), sizes end at what physics allows."""
 
 
+_FAR = math.inf
+"""Reach of these: they are linear, and a weight or a pull may be many times the friction."""
+
+
 def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
     """The coordinates of an effect's parameters on an axis."""
     found = []
@@ -89,7 +93,7 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             entry = Coordinate(
                 parameter, scale, False,
                 max(floor, neutral - limit), min(neutral + limit, parameter.below - 1e-9),
-                0.01, 0.5,
+                0.01, _FAR if is_free else 0.5,
             )  # fmt: skip
         found.append(entry)
     return tuple(found)

@@ -34,8 +34,6 @@ _MOVING = 0.05
 """Share of the highest speed from which an axis counts as moving."""
 _LOW = 120.0
 """Frequency up to which the residual force is known: above, the encoder's noise hides it [Hz]."""
-_DIVERGED = 1e3
-"""Elements are clipped to this many floors where a model makes the stage run away."""
 
 
 class FreeLoop:
@@ -60,7 +58,10 @@ class FreeLoop:
         travelled: lowest and highest demand [m].
         extent: the distance between them [m].
         coherent: elements that count as one: the samples of the time over which friction wanders.
+        diverged: floors to which elements are clipped, where a model makes the stage run away.
     """
+
+    diverged = 1e3
 
     def __init__(
         self,
@@ -189,8 +190,8 @@ class FreeLoop:
             (recorded.position_actual - position[place])[valid] / floors[0],
             (recorded.force_actual - force[place])[valid] / floors[1],
         )
-        residual = np.nan_to_num(np.concatenate(parts), nan=_DIVERGED)
-        return np.asarray(np.clip(residual, -_DIVERGED, _DIVERGED))
+        residual = np.nan_to_num(np.concatenate(parts), nan=self.diverged)
+        return np.asarray(np.clip(residual, -self.diverged, self.diverged))
 
     def energies(self, residual: F64) -> F64:
         """Squared residual over floor, summed over each move, float64[moves]."""

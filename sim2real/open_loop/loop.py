@@ -103,6 +103,8 @@ class MotionLoop(FreeLoop):
         motions: of the recordings.
     """
 
+    diverged = 1e9  # nothing runs away: a force that is missing may be as large as it likes
+
     def __init__(
         self,
         name: str,
