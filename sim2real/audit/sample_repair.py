@@ -189,8 +189,9 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
         mean = 0.5 * (before + after)
         if before * after <= 0.0 or abs(mean) <= usual:
             continue
+        missed = max(_JUMP, 0.5 * len(run))  # else it has rested
         for last in range(run[-1] + 1, run[-1] + _LATE + 1):
-            if change[last] / mean > _JUMP:
+            if change[last] / mean > missed:
                 held[run[0] + 1 : last + 1] = True
                 break
     return held & signals.valid
