@@ -139,7 +139,7 @@ def conclude(
         plain,
         verdict=verdict,
         reason=give_reason(verdict, causes, results, share, examined, whole=whole)
-        + (_ALIKE if alike and causes else ""),
+        + (_ALIKE if alike and (causes or unlisted) else ""),
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
         unlisted=unlisted,

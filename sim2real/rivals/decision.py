@@ -239,14 +239,21 @@ class Rivals:
         return tuple(dropped), () if found is None else found.unlisted(self.screen.loop.name)
 
     def _beside(self, model: AxisModel) -> Rivals | None:
-        """The curves beside a model; None where it cannot be simulated, or leaves little."""
+        """The curves beside a model; None where it cannot be simulated, or leaves little.
+
+        What closes less than a fiftieth of the whole gap is little, too.
+        """
         linear = self.screen.linear(model)
         alone = None if linear is None else self.screen.predict(linear)
         if alone is None:
             return None
         if alone.energy <= NEAR * self.screen.floor and not self._is_clearly_better(alone):
             return None
-        return Rivals(self.screen, _curves(self.screen, COORDINATES, linear), alone)
+        curves = _curves(self.screen, COORDINATES, linear)
+        gained = max((alone.energy - curve.prediction.energy for curve in curves), default=0.0)
+        if gained < _LITTLE * (self.opened.energy - self.screen.floor):
+            return None
+        return Rivals(self.screen, curves, alone)
 
     def _is_clearly_better(self, prediction: Prediction) -> bool:
         """Whether the best curve predicts clearly better than something else."""
