@@ -26,6 +26,7 @@ from sim2real.held_out import HeldOut
 from sim2real.scoring.constants import (
     DAMPED,
     DOUBTED,
+    LITTLE,
     RELATIVE,
     SHOWN,
     SIGNIFICANT,
@@ -115,9 +116,10 @@ def _largest_probability(
     size that may be zero by two sigmas, and from implausible values (unless the effect alone
     explains the axis completely). What the fit needs is doubted for both only. What gives back
     nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
-    what is not needed beside a curve.
+    what gives back next to nothing where structure is left, and what is not needed beside a curve.
     """
-    if given_back[0] <= 0.0 or term.name in result.doubted:
+    is_little = given_back[1] < LITTLE and not result.is_complete
+    if given_back[0] <= 0.0 or is_little or term.name in result.doubted:
         return DOUBTED
     axis = result.axis
     alone = result.is_complete and len(result.best.model.terms) == 1

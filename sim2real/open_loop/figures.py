@@ -37,8 +37,8 @@ _PARTS = 8
 _CERTAIN = 2.0
 """Standard deviations by which a mass must differ from 0."""
 _NEGLIGIBLE = 0.1
-"""Share of the Coulomb force that the inertia of one standard deviation of a mass may take where
-the motion does not show it: any such mass will do."""
+"""Share of the force that the inertia of a mass, or of its standard deviation if that is larger,
+may take where the motion does not show it: any such mass will do."""
 _LEAST_FRICTION = 1e-6
 """Lower limit of Coulomb friction, as a share of the rms force: a plant always has some."""
 
@@ -205,9 +205,8 @@ def _usable_mass(
     mass, sigma = figures["mass"], fit.scatter()
     if mass > _CERTAIN * sigma:
         return mass
-    friction = figures.get("coulomb", axis.friction.coulomb)
-    is_light = mass > -_CERTAIN * sigma and sigma * fit.acceleration < _NEGLIGIBLE * friction
-    if measured and is_light:
+    inertia = fit.acceleration * (sigma if mass > -_CERTAIN * sigma else -mass)
+    if measured and inertia < _NEGLIGIBLE * float(np.std(fit.target)):
         return max(mass, sigma)
     found = f"axis {axis.name}: the mass is unknown, and its motion"
     size = f"{mass:.3g} ± {sigma:.2g} {axis.unit_of('kg')}"

@@ -23,11 +23,11 @@ from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
 from sim2real.rivals.grouped_fit import Prediction
 from sim2real.rivals.screen import Curve, Linear, Screen
-from sim2real.scoring.constants import ENOUGH, NEAR, SURE_COORDINATE
+from sim2real.scoring.constants import ENOUGH, LITTLE, NEAR, SURE_COORDINATE
 
-_LITTLE, _MUCH = 0.02, 0.2
-"""Shares of the gap that a name may lose to a curve: in any case, and within one standard error,
-which is large where few moves show the force."""
+_MUCH = 0.2
+"""Share of the gap that a name may lose to a curve within one standard error, which is large where
+few moves show the force; it may lose `LITTLE` in any case."""
 _CLEARLY = 3.0
 """Standard errors by which several effects predict clearly better than a curve."""
 _AS_WELL = 0.5
@@ -251,7 +251,7 @@ class Rivals:
             return None
         curves = _curves(self.screen, COORDINATES, linear)
         gained = max((alone.energy - curve.prediction.energy for curve in curves), default=0.0)
-        if gained < _LITTLE * (self.opened.energy - self.screen.floor):
+        if gained < LITTLE * (self.opened.energy - self.screen.floor):
             return None
         return Rivals(self.screen, curves, alone)
 
@@ -300,7 +300,7 @@ class Rivals:
     def margin(self, error: float) -> float:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
         gap = max(self.opened.energy - self.screen.floor, 0.0)
-        return min(max(error, _LITTLE * gap), _MUCH * gap)
+        return min(max(error, LITTLE * gap), _MUCH * gap)
 
 
 def find_period(curve: Curve) -> float:

@@ -109,6 +109,8 @@ SURE, SURE_COORDINATE = 0.99, 0.97
 UNCERTAIN = 0.85
 """Largest probability of a name where structure is left: a relative of what acts may close most of
 the gap as well. `--leave-out`."""
+LITTLE = 0.02
+"""Share of the gap that counts for nothing where structure is left: other shapes leave as much."""
 DOUBTED, SIGNIFICANT = 0.45, 2.0
 """Largest probability of an effect whose size may be zero by this many sigmas, or whose values are
 not plausible at all."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,12 +27,12 @@ class Searched(AxisResult):
 class GivenBack:
     """What effects give back of the gap when they are removed."""
 
-    def __init__(self, *shares):
-        self.shares = shares
+    def __init__(self, *shares, within=0.1):
+        self.shares, self.within = shares, within
 
     def given_back(self, axis, index):
         share = self.shares[index]
-        return share, (share - 0.1, share + 0.1)
+        return share, (share - self.within, share + self.within)
 
 
 @pytest.fixture
@@ -53,8 +55,8 @@ def searched(nominal):
     return make
 
 
-def probabilities(result, *shares):
-    causes, _ = find_causes(result, GivenBack(*shares), along_motion=True)
+def probabilities(result, *shares, **known):
+    causes, _ = find_causes(result, GivenBack(*shares, **known), along_motion=True)
     return {cause.effect: cause.probability for cause in causes}
 
 
@@ -77,3 +79,18 @@ def test_a_level_of_friction_and_a_shape_that_is_not_seen_are_less_sure(searched
     for sigma, expected in ((5.0, 0.99), (4000.0, UNCERTAIN)):
         drift = searched([0.01, sigma], ("thermal_drift", (0.2, 50.0)))
         assert probabilities(drift, 0.9) == {"thermal_drift": expected}
+
+
+def test_what_gives_back_next_to_nothing_is_doubted_where_structure_is_left(searched):
+    found = searched([0.1, 0.1, 0.001], SPRING, PULL)
+    named = {"cable_stiffness": 0.99, "force_offset": 0.99}
+    assert probabilities(found, 0.98, 0.01, within=0.005) == named
+    left = replace(found, is_complete=False)
+    doubted = {"cable_stiffness": UNCERTAIN, "force_offset": DOUBTED}
+    assert probabilities(left, 0.98, 0.01, within=0.005) == doubted
+
+
+@pytest.mark.parametrize(("sigma", "probability"), [(0.4, UNCERTAIN), (0.6, DOUBTED)])
+def test_a_size_within_two_sigmas_of_zero_is_doubted(searched, sigma, probability):
+    pull = replace(searched([sigma], PULL), is_complete=False)
+    assert probabilities(pull, 0.9) == {"force_offset": probability}

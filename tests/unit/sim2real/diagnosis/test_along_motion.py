@@ -300,12 +300,14 @@ def test_a_slow_log_in_coarse_steps_is_insufficient(tmp_path):
     assert "does not tell it" in found.insufficient
 
 
-def test_the_weight_of_an_arm_whose_inertia_is_next_to_nothing(tmp_path):
+@pytest.mark.parametrize("friction", [0.5, 0.01])
+def test_the_weight_of_an_arm_whose_inertia_is_next_to_nothing(tmp_path, friction):
+    """Beside friction, or beside the weight where friction is next to nothing, too."""
     joint = replace(
         ROBOT,
         rate=50.0,
         motion=swings((0.8, 0.2), (0.06, 0.13)),
-        force=lambda t, x, v, a: 0.01 * a + sliding(v, 0.5, 0.3) + 3.0 * np.sin(x),
+        force=lambda t, x, v, a: 0.01 * a + sliding(v, friction, 0.6 * friction) + 3.0 * np.sin(x),
         noise=(1e-4, 0.02),
         duration=60.0,
     )
