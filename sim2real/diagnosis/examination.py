@@ -300,7 +300,9 @@ def examine_motion(
             motions = _measure_motions(recordings, settings, examined.clock)
             settings = fit_figures(motions, examined.settings, examined.unknown)
         except ValueError as error:
-            return replace(examined, insufficient=reason or str(error))
+            alone = "; without this axis the others can be diagnosed"
+            why = f"{error}{alone if len(settings.axes) > 1 else ''}"
+            return replace(examined, insufficient=reason or why)
     moves = min(len(motion.recording.moves) for motion in motions)
     if moves < _FEWEST_STROKES:
         few = f"{moves} strokes: at least {_FEWEST_STROKES} are needed to hold some out"

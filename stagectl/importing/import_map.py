@@ -64,7 +64,7 @@ class Column(Section):
         unit: of its values.
         factor: multiplied with the values, in addition to `unit`.
         offset: added after that [SI].
-        delay: samples by which to shift it later.
+        delay: samples by which to shift it later; below 0: earlier.
         optional: use zeros if the data do not have the column.
         file: a key of `files` where it is not in DATA itself.
         wrap: the values begin anew after this much, in their unit: 360 for an angle in degrees.

@@ -222,12 +222,10 @@ def _in_si(columns: Columns, column: Column, axis: Axis | None) -> FloatArray:
         known = np.isfinite(values)
         values[known] = np.unwrap(values[known], period=column.wrap)
     values = values * factor + column.offset
-    if not 0 <= column.delay <= _MOST_DELAY:
-        raise UnusableInput(
-            f"{columns.path}: column {name}: delay must be 0 to {_MOST_DELAY} samples"
-        )
-    if column.delay:
-        values = np.concatenate((np.repeat(values[:1], column.delay), values[: -column.delay]))
+    if abs(column.delay) > _MOST_DELAY:
+        limits = f"-{_MOST_DELAY} to {_MOST_DELAY}"
+        raise UnusableInput(f"{columns.path}: column {name}: delay must be {limits} samples")
+    values = values[np.clip(np.arange(len(values)) - column.delay, 0, len(values) - 1)]
     if axis is None:
         _refuse_gaps(columns.path, name, values)
     return values

@@ -35,8 +35,8 @@ class TextTable:
     """A table.
 
     Attributes:
-        names: of the columns, repeated ones as "name (2)"; numbers from 1 where the file has no
-            header.
+        names: of the columns, repeated ones as "name (2)"; the number, from 1, of a column without
+            a name.
         rows: cells of each row, as many as names.
         lines: number of each row's line in the file.
         decimal: the decimal point.
@@ -179,10 +179,11 @@ def _rows_of_numbers(rows: Sequence[Sequence[str]], width: int, decimal: str) ->
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """Names with a number behind those that have been there before."""
+    """Names with a number behind those that have been there before, or in place of an empty one."""
     seen: Counter[str] = Counter()
     found = []
-    for name in names:
+    for number, given in enumerate(names, start=1):
+        name = given or str(number)
         seen[name] += 1
         found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
     return found

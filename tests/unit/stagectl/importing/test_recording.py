@@ -51,6 +51,17 @@ def test_columns_by_number_units_and_offsets(columns, tmp_path):
     assert not axis.force_offset.any()
 
 
+@pytest.mark.parametrize(("delay", "first", "last"), [(2, [0, 0, 0, 1], 2997), (-2, [2, 3], 2999)])
+def test_a_channel_is_shifted_by_samples_either_way(columns, tmp_path, delay, first, last):
+    numbered = columns | {"vir": np.arange(3000.0)}
+    axis = AXIS.replace("{column: vir}", f"{{column: vir, delay: {delay}}}")
+    force = logged(tmp_path, numbered, axis=axis).axes["slide"].force_actual
+    scale = force[-1] / last
+    np.testing.assert_allclose(force[: len(first)], scale * np.array(first))
+    with pytest.raises(UnusableInput, match="delay must be -1000 to 1000 samples"):
+        logged(tmp_path, columns, axis=axis.replace(f"delay: {delay}", "delay: -1001"))
+
+
 def test_motion_in_one_file_and_force_in_another(columns, tmp_path):
     """The force has a clock of its own: it is read at the samples of the motion."""
     motion = csv_of({k: columns[k] for k in ("t", "qg", "qm")}, tmp_path / "motion.csv")

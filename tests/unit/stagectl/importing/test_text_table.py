@@ -51,6 +51,11 @@ def test_three_decimals_are_no_group_of_thousands(table_of):
     assert table_of("a;b\n12,345;1,250\n13,345;2,500\n").decimal == ","
 
 
+def test_a_column_without_a_name_is_called_by_its_number(table_of):
+    """As the index of a pandas table is written."""
+    assert table_of(",t,q\n0,0.0,1.5\n1,0.1,2.5\n2,0.2,3.5\n").names == ["1", "t", "q"]
+
+
 @pytest.mark.parametrize("end", ["EOF", "Sum;;12", "# 3 errors", "1.0;2", ";;;"])
 def test_what_follows_the_numbers_is_left_out(table_of, end):
     found = table_of(f"t;q;note\n1.0;2.0;\n2.0;3.0;\n{end}\n")
