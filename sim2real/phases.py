@@ -9,6 +9,7 @@ out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -201,20 +202,21 @@ def group_repeated_moves(
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def count_kinds_of_moves(recording: Recording, found: Sequence[MoveBlock]) -> int:
-    """How many kinds of pairs of moves there are: pairs differ in place, or in speed.
+def kinds_of_moves(recording: Recording, spans: Sequence[tuple[int, int]]) -> list[int]:
+    """Number of the kind of each of several parts of a recording: kinds differ in place or speed.
 
     Args:
-        recording: that the blocks belong to.
-        found: its blocks.
+        recording: whose demands say where and how fast it moves.
+        spans: first sample and one past the last of each part.
     """
     demands = [axis.position_demand for axis in recording.axes.values()]
-    speeds = [np.abs(np.diff(demand)) for demand in demands]
+    speeds = [np.abs(np.diff(demand, append=demand[-1:])) for demand in demands]
     extents = [max(float(np.ptp(demand)), 1e-12) for demand in demands]
     fastest = [max(float(speed.max()), 1e-12) for speed in speeds]
     kinds: list[FloatArray] = []
-    for number in range(0, len(found) - 1, 2):
-        inside = slice(found[number].start, found[number + 1].stop)
+    numbers = []
+    for span in spans:
+        inside = slice(*span)
         figures = [
             value
             for demand, speed, extent, top in zip(demands, speeds, extents, fastest, strict=True)
@@ -225,9 +227,13 @@ def count_kinds_of_moves(recording: Recording, found: Sequence[MoveBlock]) -> in
             )
         ]
         kind = np.array(figures)
-        if all(np.abs(kind - other).max() > _OTHER for other in kinds):
+        apart = [float(np.abs(kind - other).max()) for other in kinds]
+        if min(apart, default=math.inf) > _OTHER:
+            numbers.append(len(kinds))
             kinds.append(kind)
-    return len(kinds)
+        else:
+            numbers.append(int(np.argmin(apart)))
+    return numbers
 
 
 def _alike(demand: FloatArray, one: MoveBlock, other: MoveBlock, within: float) -> bool:

@@ -7,6 +7,7 @@ twin leaves as they are stay so here.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +22,7 @@ from sim2real.findings import Cause, Unlisted
 from sim2real.fitting import NUISANCES, AxisModel, Term, compose_stage
 from sim2real.held_out import FOLDS, HeldOut, Models, Remaining, combined_energy, share_closed
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.phases import count_kinds_of_moves, split_moves
+from sim2real.phases import kinds_of_moves, split_moves
 from sim2real.rivals import GROUPS, Description, describe_force
 
 _TOLERANCE = 1e-4
@@ -29,6 +30,8 @@ _TOLERANCE = 1e-4
 _OF_OTHERS = 0.5
 """Part of what is closed that moves of another kind may show where a recording has one kind: on
 EMPS 0.74 became 0.52 (docs/emps.md)."""
+_FEW = 6
+"""Most kinds of moves of a program that is repeated throughout, of which others tell nothing."""
 _LITTLE = 0.02
 """Share of the gap that a description has to close beside the names, or beside a simpler one."""
 
@@ -139,12 +142,30 @@ def share_promised(
 
 
 def are_alike(examined: Examination) -> bool:
-    """Whether all moves are there and back between the same places at the same speed."""
+    """Whether all moves repeat a few: one pair there and back, or the moves of a short program.
+
+    What predicts these need not predict others: with its other joints, a robot in a cycle does the
+    same at the same places every time.
+    """
     if len(examined.measured) != 1:
         return False
     replay = examined.measured[0].replay
     moves = split_moves(replay.recording, replay.period)
-    return count_kinds_of_moves(replay.recording, moves) < 2
+    pairs = [(one.start, other.stop) for one, other in zip(moves[::2], moves[1::2], strict=False)]
+    if len(set(kinds_of_moves(replay.recording, pairs))) < 2:
+        return True
+    of_kind = Counter(kinds_of_moves(replay.recording, [(m.start, m.stop) for m in moves]))
+    return len(of_kind) <= _FEW and min(of_kind.values()) > 1
+
+
+def less_certain(found: Unlisted) -> Unlisted:
+    """A coordinate where all moves are alike: others may show that it was another one."""
+    low, high = found.gap_closed_interval
+    return replace(
+        found,
+        probability=_OF_OTHERS * found.probability,
+        gap_closed_interval=(_OF_OTHERS * low, high),
+    )
 
 
 def only_causes(models: Models, causes: Sequence[Cause]) -> dict[str, AxisModel]:

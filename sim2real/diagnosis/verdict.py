@@ -19,6 +19,7 @@ from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.diagnosis.promises import (
     are_alike,
     describe_rest,
+    less_certain,
     only_causes,
     promise,
     share_promised,
@@ -127,9 +128,9 @@ def conclude(
         else result
         for name, result in results.items()
     }
-    unlisted = _unlisted(results)
-    promised = promise(held_out, models, causes)
     alike = are_alike(examined)
+    unlisted = tuple(map(less_certain, _unlisted(results))) if alike else _unlisted(results)
+    promised = promise(held_out, models, causes)
     share, interval = share_promised(held_out, promised.named, alike=alike)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):

@@ -55,11 +55,8 @@ class Coordinate:
 
 _LIMIT = 4.0
 """Values may be fitted up to this many times beyond what is plausible. Where any size is
-(`Effect.any_size`), sizes end at what physics allows."""
-
-
-_FAR = math.inf
-"""Reach of these: they are linear, and a weight or a pull may be many times the friction."""
+(`Effect.any_size`), sizes end at what physics allows. Those of forces, which are linear, are found
+in one step: a weight or a pull may be many times the friction."""
 
 
 def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
@@ -93,7 +90,7 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             entry = Coordinate(
                 parameter, scale, False,
                 max(floor, neutral - limit), min(neutral + limit, parameter.below - 1e-9),
-                0.01, _FAR if is_free else 0.5,
+                0.01, math.inf if is_free and effect.group == "force" else 0.5,
             )  # fmt: skip
         found.append(entry)
     return tuple(found)

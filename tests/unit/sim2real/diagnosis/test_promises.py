@@ -1,8 +1,14 @@
-"""Which description a twin gets."""
+"""Which description a twin gets, and what moves that are all alike promise of others."""
+
+from types import SimpleNamespace
 
 import pytest
 
-from sim2real.diagnosis.promises import find_simplest
+from sim2real.diagnosis.promises import are_alike, find_simplest, less_certain
+from sim2real.findings import ForceCurve, Unlisted
+from stagectl.store import read_recording
+from tests.unit.sim2real.conftest import DATA
+from tests.unit.sim2real.test_phases import PERIOD, recording, swept
 
 
 @pytest.mark.parametrize(
@@ -11,3 +17,36 @@ from sim2real.diagnosis.promises import find_simplest
 )
 def test_a_description_of_more_curves_has_to_close_clearly_more(left, chosen):
     assert find_simplest(left, gap=100.0) == chosen
+
+
+PROGRAM = (0.0, 0.03, 0.01, -0.02)
+"""Places of a short cycle [m]."""
+
+
+@pytest.mark.parametrize(
+    ("places", "alike"),
+    [
+        ((0.0, 0.03) * 4, True),
+        (PROGRAM * 3, True),
+        ((*PROGRAM, 0.02, *PROGRAM), False),
+        ((0.0, 0.03, 0.01, -0.02, 0.015, -0.01, 0.04, -0.03), False),
+    ],
+)
+def test_moves_of_a_short_program_are_alike(places, alike):
+    assert are_alike(examined(recording(swept(places)))) is alike
+
+
+def test_moves_of_a_recipe_are_not(nominal):
+    assert not are_alike(examined(read_recording(DATA / "null-1.h5")))
+
+
+def examined(recorded):
+    replay = SimpleNamespace(recording=recorded, period=PERIOD)
+    return SimpleNamespace(measured=[SimpleNamespace(replay=replay)])
+
+
+def test_a_coordinate_of_moves_that_are_alike_is_less_certain():
+    curve = ForceCurve((0.0, 1.0), (0.0, 1.0), (0.1, 0.1))
+    found = less_certain(Unlisted("x", "position", (), 0.9, 0.95, (0.9, 0.97), curve))
+    assert found.probability == 0.45
+    assert found.gap_closed_interval == (0.45, 0.97)
