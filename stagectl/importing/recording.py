@@ -53,7 +53,8 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     given: Any = machine.document.data
     period = machine.bus.sync_period
     files = {"": _read(path, how.preamble, how.time, period, how)}
-    if stated_period(given) is None:
+    is_stated = stated_period(given) is not None
+    if not is_stated:
         period = _own_period(files[""].time, path)
     for name, other in how.files.items():
         files[name] = _read(path.parent / other.path, other.preamble, other.time, period, how)
@@ -64,7 +65,8 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
         _check_holes(time, period, path)
         time = np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1) * period
     else:
-        _check_time(time, period, path, how.time)
+        whose = "the machine file's sync_period is" if is_stated else "their mean is"
+        _check_time(time, period, whose, path, how.time)
     axes = {}
     for name, axis in how.axes.items():
         channels = _Channels(files, time, how.resample, machine.axes[name])
@@ -243,12 +245,13 @@ def _refuse_gaps(path: Path, name: str, values: FloatArray, remedy: str = "") ->
         raise UnusableInput(f"{path}: column {name}: sample {sample}: is {values[sample]}{remedy}")
 
 
-def _check_time(time: FloatArray, period: float, path: Path, column: Column | None) -> None:
+def _check_time(
+    time: FloatArray, period: float, whose: str, path: Path, column: Column | None
+) -> None:
     usual = float(np.median(np.diff(time))) if len(time) > 1 else period
     if abs(usual - period) > _OFF_PERIOD * period:
         raise UnusableInput(
-            f"{path}: samples are {usual:.6g} s apart, the machine file's sync_period is "
-            f"{period:g} s; "
+            f"{path}: samples are {usual:.6g} s apart, {whose} {period:g} s; "
             + (_other_unit(usual, period, column) or "`resample: true` reads them at whole periods")
         )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stagectl.config import parse_machine
-from stagectl.errors import ConfigError
+from stagectl.errors import ConfigError, UnusableInput
 from stagectl.importing import import_recording, load_map
 from tests.unit.sim2real.other_machines import BELT, ROBOT, TOOL, strokes
 
@@ -41,6 +41,16 @@ def test_the_period_is_that_of_the_log(tmp_path, period):
         0.0, abs=1e-9
     )
     assert len(recording) == round(12.0 / period)
+
+
+def test_uneven_samples_are_not_blamed_on_the_machine_file(tmp_path):
+    data, how = SHORT.write(tmp_path)
+    (tmp_path / "machine.yaml").write_text(LOG)
+    head, *rows = data.read_text().splitlines()
+    kept = [row for number, row in enumerate(rows) if number < 300 or number % 2]
+    data.write_text("\n".join([head, *kept]))
+    with pytest.raises(UnusableInput, match=r"samples are 0.0[12] s apart, their mean is 0.01\d+"):
+        import_recording(data, *load_map(how))
 
 
 @pytest.mark.parametrize("stated", ["0.0002", "0.2 ms"])
