@@ -155,7 +155,7 @@ def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[s
         best, folds = fit_figures(search.loop, step.model)
         fewer = replace(search, best=best, folds=folds, steps=search.steps[: number + 1])
         if fewer.names_causes():
-            return fewer, True, plain if is_plain else ()
+            return fewer, True, plain
     return search, False, ()
 
 

@@ -74,6 +74,11 @@ class Rivals:
         return self.alone or self.screen.open
 
     @property
+    def gained(self) -> float:
+        """Energy that the best curve takes away."""
+        return self.opened.energy - self.curves[0].prediction.energy if self.curves else 0.0
+
+    @property
     def best(self) -> Curve | None:
         """The curve that predicts other moves best, where it closes most of the gap."""
         return self._closing(MOST)
@@ -83,8 +88,7 @@ class Rivals:
         if not self.curves:
             return None
         above = max(self.opened.energy - self.screen.floor, 1e-9)
-        best = self.curves[0]
-        return best if self.opened.energy - best.prediction.energy >= least * above else None
+        return self.curves[0] if self.gained >= least * above else None
 
     @property
     def peak(self) -> tuple[float, float] | None:
@@ -209,7 +213,8 @@ class Rivals:
 
         Nothing of either where the model leaves little, or no curve beside it closes most of that.
         No curve takes the place of effects that are `kept`. It takes that of `shapes`, and of what
-        another effect's shape may lack, in any case.
+        another effect's shape may lack, in any case. A curve is given where it closes a fiftieth of
+        the whole gap.
         """
         dropped = list(dict.fromkeys([*self.shapes(model), *self._misfits(model)]))
         for name in dropped:
@@ -236,24 +241,19 @@ class Rivals:
             dropped.append(model.terms[index].name)
             model = model.without(index)
         found = self._beside(model) if dropped else found
-        return tuple(dropped), () if found is None else found.unlisted(self.screen.loop.name)
+        if found is None or found.gained < LITTLE * (self.opened.energy - self.screen.floor):
+            return tuple(dropped), ()
+        return tuple(dropped), found.unlisted(self.screen.loop.name)
 
     def _beside(self, model: AxisModel) -> Rivals | None:
-        """The curves beside a model; None where it cannot be simulated, or leaves little.
-
-        What closes less than a fiftieth of the whole gap is little, too.
-        """
+        """The curves beside a model; None where it cannot be simulated, or leaves little."""
         linear = self.screen.linear(model)
         alone = None if linear is None else self.screen.predict(linear)
         if alone is None:
             return None
         if alone.energy <= NEAR * self.screen.floor and not self._is_clearly_better(alone):
             return None
-        curves = _curves(self.screen, COORDINATES, linear)
-        gained = max((alone.energy - curve.prediction.energy for curve in curves), default=0.0)
-        if gained < LITTLE * (self.opened.energy - self.screen.floor):
-            return None
-        return Rivals(self.screen, curves, alone)
+        return Rivals(self.screen, _curves(self.screen, COORDINATES, linear), alone)
 
     def _is_clearly_better(self, prediction: Prediction) -> bool:
         """Whether the best curve predicts clearly better than something else."""
