@@ -193,6 +193,20 @@ def test_a_near_shape_keeps_its_name_only_where_it_leaves_no_structure(nominal, 
     assert rivals.leave_names([one], leaves_structure=True) is (wavers > 0.0)
 
 
+@pytest.mark.parametrize(("lost", "given"), [(0.01, False), (0.05, True)])
+def test_beside_names_a_coordinate_has_to_close_a_fiftieth_of_the_whole_gap(nominal, lost, given):
+    rivals = rivals_of(nominal, 1e5, np.full(20, lost))
+    (curve,) = rivals.curves
+    rivals.screen.linear, rivals.screen.predict = lambda _: "linear", rivals.screen.model
+    rivals.screen.curve = lambda over, _: curve if over == curve.coordinate else None
+    rivals.screen.blocks = np.arange(20)
+    rivals.screen.loop.name = "x"
+    one = AxisModel(np.zeros(NUISANCES), (Term(library()["force_offset"], (1.5,)),))
+    dropped, unlisted = rivals.beside(one, kept=one.names())
+    assert dropped == ()
+    assert [found.over for found in unlisted] == (["velocity"] if given else [])
+
+
 VALUES = {
     "coulomb_level": (1.2,),
     "thermal_drift": (0.2, 30.0),
