@@ -123,6 +123,15 @@ def test_a_coordinate_seen_in_innovations_says_what_it_closes(examined, explaine
         assert text in page.replace("\u00a0", " ")
 
 
+def test_a_force_that_repeats_itself_says_every_how_much(examined, explained):
+    curve = ForceCurve((0.0, 0.1), (-1.0, 1.0), (0.1, 0.1))
+    unlisted = Unlisted("y", "position", (), 0.8, 0.8, (0.7, 0.9), curve, period=0.0279)
+    page = render_gap_page(
+        replace(explained, verdict="unexplained", causes=(), unlisted=(unlisted,)), examined, "m"
+    ).replace("\u00a0", " ")
+    assert "y: a force over position, repeating every 27.9 mm, that no effect of the" in page
+
+
 def test_changed_and_kept_figures_are_told(examined, explained):
     page = render_gap_page(explained, examined, "m")
     table = re.search(r"<h2>Plant figures</h2>(.*?)</section>", page, re.S)[1]
