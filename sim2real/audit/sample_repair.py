@@ -78,8 +78,8 @@ def repair_samples(
         if mask.any():
             share = float(mask.mean())
             text = (
-                f"{name}: position_actual repeats its last value in motion at {mask.sum()} samples "
-                f"({100 * share:.2g} %); they count as invalid"
+                f"{name}: position_actual repeats its last value in motion at {mask.sum()} of "
+                f"{len(mask)} samples ({100 * share:.2g} %); they count as invalid"
             )
             findings.append(_applied(name, "position_actual", "held", share, text))
     return recording, findings

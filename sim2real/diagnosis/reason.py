@@ -69,10 +69,10 @@ def give_reason(
     if curves:
         best = max(curves, key=lambda each: each.probability)
         over = "motor force" if best.over == "force" else best.over.replace("_", " ")
+        of = "prediction errors" if best.seen_in else "gap in force on held-out moves"
         return (
             f"{mode}{gap}; on {best.axis} no effect of the library explains it as well as "
-            f"{best.what} over {over}, which closes {100 * best.gap_closed:.0f} % of "
-            f"the gap in force on held-out moves"
+            f"{best.what} over {over}, which closes {100 * best.gap_closed:.0f} % of the {of}"
         )
     if examined.open_loop is None:
         far_off = describe_far_off(examined)

@@ -6,6 +6,7 @@ conditions of motion that hold most of it. Nothing is fitted here.
 """
 
 from sim2real.gap.floor import DRAWS as DRAWS
+from sim2real.gap.floor import LARGEST_OF_PERFECT as LARGEST_OF_PERFECT
 from sim2real.gap.floor import PERFECT_MODEL as PERFECT_MODEL
 from sim2real.gap.floor import Floor as Floor
 from sim2real.gap.floor import RepeatCheck as RepeatCheck

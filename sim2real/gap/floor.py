@@ -20,7 +20,10 @@ from stagedata import FloatArray
 
 DRAWS = 4
 _SEED = 1
-PERFECT_MODEL = "A perfect model leaves 0.4 to 2.1 times the floor, from run to run."
+LARGEST_OF_PERFECT = 2.1
+PERFECT_MODEL = (
+    f"A perfect model leaves 0.4 to {LARGEST_OF_PERFECT} times the floor, from run to run."
+)
 """For whoever compares a gap with its floor, which is that of an average run: figures.md."""
 
 

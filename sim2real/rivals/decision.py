@@ -307,18 +307,20 @@ def find_period(curve: Curve) -> float:
     """Distance after which a curve repeats itself, in its coordinate's unit; 0 where it does not.
 
     At that distance, of which the curve has two or more, it differs from itself by less than a
-    tenth of what points apart do, and at some shorter distance by more than these.
+    tenth of what points apart do, and at some shorter distance by more than these. Of several such
+    distances it is the shortest: the others are multiples of it.
     """
     at = np.linspace(curve.at[0], curve.at[-1], _POINTS)
     force = np.interp(at, curve.at, curve.force)
     lags = range(1, _POINTS // 2)
     unlike = np.array([np.mean((force[lag:] - force[:-lag]) ** 2) for lag in lags])
     unlike /= max(2.0 * float(np.var(force)), 1e-12)
-    other = np.flatnonzero(unlike > 1.0)
-    if not len(other):
+    apart = np.maximum.accumulate(unlike) > 1.0
+    again = np.flatnonzero(apart & (unlike < _REPEATS))
+    if not len(again):
         return 0.0
-    lag = other[0] + int(unlike[other[0] :].argmin())
-    return float(at[lag + 1] - at[0]) if unlike[lag] < _REPEATS else 0.0
+    first = again[: np.argmax(np.diff(again, append=_POINTS) > 1) + 1]
+    return float(at[first[unlike[first].argmin()] + 1] - at[0])
 
 
 def harmonics(model: AxisModel) -> list[str]:

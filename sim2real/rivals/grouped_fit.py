@@ -171,6 +171,8 @@ def _normal(squares: F64, prior: F64) -> F64:
 
 def _solve_positive(normal: F64, slope: F64) -> F64:
     """Solution of normal equations, by Cholesky unless rounding has spoiled them."""
+    if not len(slope):  # all values are on their bounds
+        return slope
     _, values, failed = dposv(normal.T, slope)
     return np.asarray(np.linalg.solve(normal, slope) if failed else values)
 

@@ -7,7 +7,13 @@ from collections.abc import Mapping, Sequence
 
 from sim2real import findings
 from sim2real.empirical_force import EmpiricalForce
-from sim2real.gap import PERFECT_MODEL, Measured, RepeatCheck, combined_floors
+from sim2real.gap import (
+    LARGEST_OF_PERFECT,
+    PERFECT_MODEL,
+    Measured,
+    RepeatCheck,
+    combined_floors,
+)
 from stagectl.report.formats import DASH, digits, listed, percent, sentence, with_sigma
 from stagectl.report.outline import Fact, Outline, Section, Table
 
@@ -144,6 +150,8 @@ def headline(report: findings.GapReport) -> str:
         coordinate = f"; on {first.axis} {first.what} {OVER_WORDS[first.over]} {closes}"
     match report.verdict:
         case "no_gap":
+            if report.gap and combined_floors(report.gap) > LARGEST_OF_PERFECT:
+                return "The machine file describes this stage within its tolerance."
             return "The machine file describes this stage down to the noise floor."
         case "explained":
             return f"{named} {verb} for {size}the gap{checked}."

@@ -273,6 +273,7 @@ def test_a_wave_longer_than_the_motion_is_any_curve(nominal, pitch, comes_back):
     ("force", "period"),
     [
         (lambda x: np.sin(x / 0.004 + 1.0) + 0.5 * np.sin(3.0 * x / 0.004), 0.004 * 2.0 * np.pi),
+        (lambda x: np.sin(x / 0.0016) + 0.01 * x, 0.0016 * 2.0 * np.pi),  # no multiple of it
         (lambda x: np.sin(x / 0.01), 0.0),  # seen less than twice
         (lambda x: 40.0 * x + np.exp(-((x / 0.002) ** 2)), 0.0),
         (lambda x: np.tanh((x - 0.01) / 0.003), 0.0),
