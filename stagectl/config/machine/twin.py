@@ -68,14 +68,15 @@ def render_twin(
 
 def _move_paths(document: dict[str, Any], beside: Path, folder: Path) -> None:
     """Make the paths in a machine file, relative to one folder, relative to another one."""
-    named = [(document, "history")] if is_path(document.get("history", OFF)) else []
+    named = [(document, "history")] if is_path(document.get("history") or OFF) else []
     for axis in document["axes"].values():
         named.append((axis, "eds"))
         if str(axis["drive"].get("profile")).endswith(".yaml"):
             named.append((axis["drive"], "profile"))
     for section, key in named:
-        if key in section and not Path(section[key]).is_absolute():
-            section[key] = os.path.relpath(beside / section[key], folder)
+        path = section.get(key)
+        if path is not None and not Path(path).is_absolute():
+            section[key] = os.path.relpath(beside / path, folder)
 
 
 def _plain(value: Value) -> float | list[float]:

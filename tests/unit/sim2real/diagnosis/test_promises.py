@@ -36,7 +36,7 @@ def test_moves_of_a_short_program_are_alike(places, alike):
     assert are_alike(examined(recording(swept(places)))) is alike
 
 
-def test_moves_of_a_recipe_are_not(nominal):
+def test_moves_of_a_recipe_are_not():
     assert not are_alike(examined(read_recording(DATA / "null-1.h5")))
 
 

@@ -64,3 +64,14 @@ def test_a_twin_in_another_folder_finds_the_files_that_its_machine_file_names(tm
     # Nobody knows where the files were that the machine file in a recording names.
     recorded = parse_machine(source.read_text(), "recording.h5:machine")
     assert "eds: drives/d.eds" in render_twin(recorded, {}, folder=tmp_path / "gap")
+
+
+def test_paths_left_empty_stay_empty_in_a_twin(tmp_path):
+    given = yaml.safe_load(render_twin(load_machine(), {}))
+    for axis in given["axes"].values():
+        axis["eds"] = axis["drive"]["profile"] = None
+    source = tmp_path / "stage.yaml"
+    source.write_text(yaml.safe_dump({**given, "history": None}))
+    twin = parse_machine(render_twin(load_machine(source), {}, folder=tmp_path / "gap"), "t")
+    assert twin.history is None
+    assert {axis.eds for axis in twin.axes.values()} == {None}
