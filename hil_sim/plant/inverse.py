@@ -92,19 +92,22 @@ def force_variants(
     motion: tuple[F64, F64, F64],
     start: float = 0.0,
 ) -> F64:
-    """The force of several variants of one axis along the same motion, float64[K, variants] [N].
+    """The force of several variants of one axis along a motion, float64[K, variants] [N].
 
     Args:
         sync_period: distance of the samples [s].
         variants: settings of the axis; no effect may involve another axis.
-        motion: position, velocity and acceleration, float64[K].
+        motion: position, velocity and acceleration, float64[K], or of each variant its own,
+            float64[K, variants].
         start: on the clock of effects that fade with time [s].
 
     Raises:
         ValueError: as `force_along`, or a variant involves the other axis.
     """
     shape = (len(motion[0]), len(variants))
-    position, velocity, acceleration = (np.broadcast_to(part[:, None], shape) for part in motion)
+    position, velocity, acceleration = (
+        np.broadcast_to(part.reshape(len(part), -1), shape) for part in motion
+    )
     stage = StageSettings(sync_period, tuple(variants), start)
     return _force_along(stage, (position, velocity, acceleration), alone=True)
 

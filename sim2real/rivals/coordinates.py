@@ -5,9 +5,10 @@ after a reversal and at low speed as that of the machine file does. Over positio
 level with the time constant Fc/C, so at speed it lags. The path since the last reversal has a sum
 of stop operators (Prandtl), each of which is proportional to the path up to its width; so has the
 motor force since it last turned, where iron lags behind it (magnetic hysteresis). An encoder that
-misreads over position seems to take what accelerates the mass along its error. What the library
-calls dynamics is a bank of oscillators driven by the acceleration. A force over time that
-changes within a move predicts the next one only as a wave, whose frequency may rise steadily.
+misreads over position seems to take what accelerates the mass along its error; one that lags behind
+the path also what friction takes along the true one. What the library calls dynamics is a bank of
+oscillators driven by the acceleration. A force over time that changes within a move predicts the
+next one only as a wave, whose frequency may rise steadily.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 
+from hil_sim.plant import force_variants
 from hil_sim.settings import AxisSettings
 from sim2real.filters import filtered
 from sim2real.open_loop import Motion
@@ -41,6 +43,8 @@ _OTHER_SIDE = 1e-3
 """Least reach of the nodes on one side of zero, as a share of that on the other."""
 _PATHS = (2e-5, 1e-4, 4e-4, 1.5e-3, 5e-3, 1.5e-2, 5e-2)
 """Widths of stop operators [m]."""
+_LASH = (2e-7, 1e-6, 4e-6, 1e-5, 2e-5, 4e-5, 1e-4)
+"""The same of what an encoder reads too much [m]: play of its mount is far smaller."""
 _LOOPS = (0.01, 0.02, 0.04, 0.07, 0.11, 0.17, 0.25, 0.37, 0.55, 0.8, 2.0)
 """The same over motor force, in shares of the largest."""
 _TIMES, _SPAN = 24, 0.25
@@ -97,7 +101,7 @@ class Coordinate:
     @property
     def is_held(self) -> bool:
         """Whether a curve shows by its bends only, as an encoder's error does."""
-        return self.times == "reading"
+        return self.times == "reading" and self.is_curve
 
     @property
     def is_narrow(self) -> bool:
@@ -112,9 +116,12 @@ COORDINATES = (
     Coordinate("position", "position", "force"),
     Coordinate("position", "position", "reading"),
     Coordinate("reversal_path", "path"),
+    Coordinate("reversal_path", "path", "reading"),
     Coordinate("force", "force"),
+    Coordinate("force", "force", "friction"),
     Coordinate("force", "force", "history"),
     Coordinate("acceleration", "acceleration"),
+    Coordinate("acceleration", "acceleration", "friction"),
     Coordinate("time", "time"),
     Coordinate("time", "time", "friction"),
     Coordinate("other_axis", "other_position"),
@@ -139,7 +146,7 @@ class Course:
         other: velocity and acceleration of the other axis, float64[P, 2]; None where there is none.
         relaxed: share of the friction's level that is kept from one sample to the next.
         period: of the samples [s].
-        mass: of the axis [kg].
+        axis: by the machine file, without effects.
         force_rms: of the motor force in all recordings [N].
     """
 
@@ -147,7 +154,7 @@ class Course:
     other: F64 | None
     relaxed: float
     period: float
-    mass: float
+    axis: AxisSettings
     force_rms: float
 
 
@@ -180,14 +187,15 @@ def courses(
             other = np.column_stack((others[0].velocity, others[0].acceleration))
             quantities["other_position"] = others[0].position
         kept = math.exp(-axis.friction.relaxation_rate * motion.period)
-        found.append(Course(quantities, other, kept, motion.period, axis.mass, rms))
+        plain = replace(axis, effects=())
+        found.append(Course(quantities, other, kept, motion.period, plain, rms))
     return found
 
 
 def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
     """Nodes of a curve, float64[n]; None where the recordings do not cover the coordinate."""
     if coordinate.along == "path":
-        return np.array(_PATHS)
+        return np.array(_LASH if coordinate.times else _PATHS)
     if coordinate.along == "oscillators":
         top = 0.2 / found[0].period
         below = [f for f in _FREQUENCIES if f < top]
@@ -216,7 +224,8 @@ def nodes(coordinate: Coordinate, found: Sequence[Course]) -> F64 | None:
 def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
     """The force of a curve of unit height at each node, not low-passed, float64[P, n]."""
     if coordinate.along == "path":
-        return stop_operators(course.quantities["position"], at)
+        over = stop_operators(course.quantities["position"], at)
+        return _lagging(over, course) if coordinate.times else over
     if coordinate.times == "history":
         return stop_operators(course.quantities[coordinate.along], at)
     if coordinate.along == "oscillators":
@@ -226,7 +235,7 @@ def columns(coordinate: Coordinate, at: F64, course: Course) -> F64:
     if coordinate.times == "reading":
         over = _splines(course.quantities[coordinate.along], at)
         bent = np.diff(over, 2, axis=0, prepend=over[:1], append=over[-1:])
-        return -course.mass * _MICROMETRE / course.period**2 * bent
+        return -course.axis.mass * _MICROMETRE / course.period**2 * bent
     if coordinate.along == "wave":
         over = _waves(course.quantities["time"], at)
     else:
@@ -255,6 +264,10 @@ def as_curve(
         sigma: of the heights, float64[n] [N].
     """
     if coordinate.times == "reading":
+        if coordinate.along == "path":
+            plain = replace(coordinate, times="")
+            _, path, error, spread = as_curve(plain, at, heights, sigma)
+            return coordinate, path, _MICROMETRE * error, _MICROMETRE * spread
         over = _MICROMETRE * _splines(at, at)
         return coordinate, at, over @ heights, np.sqrt(over**2 @ sigma**2)
     if coordinate.along == "path" or coordinate.times == "history":  # after a reversal
@@ -273,7 +286,9 @@ def as_curve(
     if len(heights) < len(at):
         middle = len(at) // 2
         heights, sigma = np.insert(heights, middle, 0.0), np.insert(sigma, middle, 0.0)
-    if coordinate.along == "force":  # what is missing is part of the measured force
+    if (
+        coordinate.over == "force" and not coordinate.times
+    ):  # what is missing is part of the measured force
         return coordinate, at + heights, heights, sigma
     return coordinate, at, heights, sigma
 
@@ -348,6 +363,21 @@ def _waves(times: F64, at: F64) -> F64:
     angle = 2.0 * math.pi * (frequency * since + 0.5 * rate * since**2)
     order = angle[:, None] * np.arange(1.0, _HARMONICS + 1.0)
     return np.column_stack((np.sin(order), np.cos(order)))
+
+
+def _lagging(over: F64, course: Course) -> F64:
+    """The force that readings too large by so many micrometres seem to take, float64[P, n] [N].
+
+    Near a reversal the true position counts for friction, too.
+    """
+    read = course.quantities["position"][:, None]
+    true = read - _MICROMETRE * np.column_stack((np.zeros(len(over)), over))
+    velocity = np.gradient(true, course.period, axis=0)
+    acceleration = np.zeros_like(true)
+    acceleration[1:-1] = np.diff(true, 2, axis=0) / course.period**2
+    variants = [course.axis] * true.shape[1]
+    force = force_variants(course.period, variants, (true, velocity, acceleration))
+    return np.asarray(force[:, 1:] - force[:, :1])
 
 
 def _hats(values: F64, at: F64) -> F64:

@@ -98,9 +98,9 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
         loop: the axis under the model.
         unlisted: coordinates that the missing force is known to depend on.
     """
-    if any(_curve(u) not in _CURVES or u.seen_in for u in unlisted):
+    if any(u.seen_in or (not _curve(u) and not _is_level(u)) for u in unlisted):
         return ()
-    unlisted = [u for u in unlisted if u.gap_closed >= MOST]
+    unlisted = [u for u in unlisted if u.gap_closed >= MOST and _curve(u)]
     screen = Screen(loop)
     nothing = np.empty((int(screen.samples), 0))
     opened = screen.together(nothing, bends(0, 0), 0.0, np.empty(0, np.bool_)).energy
@@ -123,7 +123,14 @@ def describe_force(loop: MotionLoop, unlisted: Sequence[Unlisted] = ()) -> tuple
 
 def _curve(found: Unlisted) -> str:
     """Which of `_CURVES` a coordinate asks for; "" where a twin has none."""
-    return _BY_TIMES.get(found.times, "") if found.times else found.over
+    curve = _BY_TIMES.get(found.times, "") if found.times else found.over
+    is_other = curve in _FURTHER and _FURTHER[curve].over != found.over
+    return "" if is_other or curve not in _CURVES else curve
+
+
+def _is_level(found: Unlisted) -> bool:
+    """Whether it is no more than another level of friction: over position it is the same."""
+    return found.over in ("force", "acceleration") and "position_direction" in found.alike
 
 
 def _nodes(screen: Screen, coordinate: Coordinate) -> F64:

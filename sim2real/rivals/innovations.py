@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -106,7 +107,8 @@ class Innovations:
         if not found or not named:
             return ()
         least = min(self._left_by(model) for model in named)
-        return found if self._ranking[0][0] < _CLEARLY * least else ()
+        # A right one leaves as little as noise, which may be less than nothing.
+        return found if max(self._ranking[0][0], 0.0) < _CLEARLY * least else ()
 
     def _left_by(self, model: AxisModel) -> float:
         """Share that a library model leaves, fitted."""
@@ -136,7 +138,8 @@ class Innovations:
                 "force": forces[len(found)],
                 "time": tracker.time,
             }
-            found.append(Course(quantities, None, 0.0, period, self._problem.axis.mass, rms))
+            plain = replace(self._problem.axis, effects=())
+            found.append(Course(quantities, None, 0.0, period, plain, rms))
         return found
 
     def _columns(self, coordinate: Coordinate, at: F64, courses: Sequence[Course]) -> F64:

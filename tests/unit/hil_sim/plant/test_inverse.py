@@ -96,6 +96,17 @@ def test_variants_are_axes_side_by_side(nominal, with_effects, effects):
     assert both[:, 1] - both[:, 0] == pytest.approx(np.full(len(both), 2.0))
 
 
+def test_variants_may_have_motions_of_their_own(nominal):
+    (whole, _), axis = motion_and_force(nominal), nominal.axes[0]
+    one = tuple(part[:, 0] for part in whole)
+    other = one[0] + 1e-6, *one[1:]
+    each = tuple(map(np.column_stack, zip(one, other, strict=True)))
+    both = force_variants(nominal.sync_period, [axis, axis], each)
+    for number, own in enumerate((one, other)):
+        alone = force_variants(nominal.sync_period, [axis], own)
+        assert both[:, number] == pytest.approx(alone[:, 0], abs=1e-12)
+
+
 def test_motions_of_other_shapes_are_refused(nominal):
     with pytest.raises(ValueError, match="must have shape"):
         force_along(nominal, (np.zeros(5), np.zeros(5), np.zeros(5)))

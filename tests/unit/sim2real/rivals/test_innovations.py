@@ -77,5 +77,16 @@ def test_effects_that_explain_as_much_keep_their_names(pulled):
     assert pulled.instead_of([far, cable]) == pulled.unlisted()
 
 
+def test_a_model_that_leaves_less_than_noise_keeps_its_names(pulled, monkeypatch):
+    """A perfect one may be lucky, and so may a curve be: half of less than nothing is more."""
+    model = AxisModel(np.zeros(NUISANCES), (Term(KNOWN["force_bump"], (0.9, -0.01, 0.006)),))
+    found = pulled.unlisted()
+    monkeypatch.setitem(vars(pulled), "_ranking", [(-0.012, None, None, None)])
+    monkeypatch.setattr(pulled, "unlisted", lambda: found, raising=False)
+    for left, given in ((-0.016, ()), (0.01, found)):
+        monkeypatch.setattr(pulled, "_left_by", lambda _, left=left: left, raising=False)
+        assert pulled.instead_of([model]) == given
+
+
 def test_noise_has_no_coordinate(innovations_of):
     assert not innovations_of().unlisted()
