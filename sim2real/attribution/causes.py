@@ -24,6 +24,7 @@ from sim2real.fitting import (
 )
 from sim2real.held_out import HeldOut
 from sim2real.scoring.constants import (
+    CLOSED,
     DAMPED,
     DOUBTED,
     LITTLE,
@@ -112,11 +113,11 @@ def _largest_probability(
 
     Without doubts it is 1, or `UNCERTAIN` where the model leaves structure, where the recordings do
     not show the effect's shape, and of a constant level of friction, which a slow drift resembles
-    within seconds. Doubt arises from a
-    size that may be zero by two sigmas, and from implausible values (unless the effect alone
-    explains the axis completely). What the fit needs is doubted for both only. What gives back
-    nothing of the gap when it is removed, by the interval over moves, is always doubted, and so is
-    what gives back next to nothing where structure is left, and what is not needed beside a curve.
+    within seconds. Doubt arises from a size that may be zero by two sigmas, and from implausible
+    values, unless the effect alone explains the axis completely. What the fit needs is doubted for
+    both only. What gives back nothing of the gap when it is removed, by the interval over moves, is
+    always doubted, and so is what gives back next to nothing where structure is left, and what is
+    not needed beside a curve.
     """
     is_little = given_back[1] < LITTLE and not result.is_complete
     if given_back[0] <= 0.0 or is_little or term.name in result.doubted:
@@ -124,7 +125,9 @@ def _largest_probability(
     axis = result.axis
     alone = result.is_complete and len(result.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
-    uncertain = any(_is_size_uncertain(entry, figures, axis) for entry in entries)
+    # The figures of one that is needed may be known together only.
+    is_needed = alone and len(entries) > 1 and given_back[0] >= CLOSED
+    uncertain = not is_needed and any(_is_size_uncertain(e, figures, axis) for e in entries)
     implausible = not alone and implausibility(term, axis) > STRANGE
     doubts = uncertain + implausible
     shown = not any(_is_shape_unknown(entry, figures) for entry in entries)

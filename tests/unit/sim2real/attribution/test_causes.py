@@ -24,6 +24,13 @@ class Searched(AxisResult):
         return self.is_complete
 
 
+class NotNeeded(Searched):
+    """Effects that no score shows to be needed."""
+
+    def is_needed(self, term):
+        return False
+
+
 class GivenBack:
     """What effects give back of the gap when they are removed."""
 
@@ -71,6 +78,14 @@ def test_what_is_needed_may_have_an_uncertain_size_unless_another_effect_is_doub
     assert doubted == {"cable_stiffness": DOUBTED, "force_offset": DOUBTED}
     sure = searched([1.0, 0.001, 0.01], SPRING, PULL)
     assert probabilities(sure, 0.9, 0.05) == {"cable_stiffness": UNCERTAIN, "force_offset": DOUBTED}
+
+
+def test_an_effect_that_alone_explains_the_axis_may_have_figures_known_together_only(searched):
+    """Friction of a gear: of its ratio and the motor's share of the mass only a product counts."""
+    made = searched([0.1, 0.3], ("load_friction", (0.145, 0.48)))
+    result = NotNeeded(axis=made.axis, spread=made.spread, best=made.best)
+    assert probabilities(result, 0.9) == {"load_friction": 0.99}
+    assert probabilities(result, 0.5) == {"load_friction": DOUBTED}
 
 
 def test_a_level_of_friction_and_a_shape_that_is_not_seen_are_less_sure(searched):
