@@ -16,6 +16,7 @@ import numpy as np
 from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution import AxisResult
+from sim2real.diagnosis.beside_curve import search_beside
 from sim2real.diagnosis.examination import Examination, Progress
 from sim2real.findings import FittedFigure, Unlisted
 from sim2real.fitting import (
@@ -104,14 +105,18 @@ def _is_light(examined: Examination, axis: AxisSettings) -> bool:
 def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
     doubted: Sequence[str] = ()
     unlisted: tuple[Unlisted, ...] = ()
+    is_complete = True
     if search.open_gap > OPEN * FLOOR_LEVEL:
         rivals = find_rivals(Screen(loop))
         search, keeps, plain = named(search, rivals)
-        model = search.best.model
-        if keeps:
-            doubted, unlisted = rivals.beside(model, plain)
+        both = None if keeps else _named_beside(search, rivals)
+        if both is not None:
+            search, doubted, unlisted = both
+            is_complete = False
+        elif keeps:
+            doubted, unlisted = rivals.beside(search.best.model, plain)
         else:
-            doubted, unlisted = model.names(), rivals.unlisted(loop.name)
+            doubted, unlisted = search.best.model.names(), rivals.unlisted(loop.name)
     best = search.best
     covariance = move_covariance(loop, best)
     return AxisResult(
@@ -119,7 +124,7 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
         spread=loop.spread,
         best=replace(best, covariance=covariance),
         open_gap=search.open_gap,
-        is_complete=search.is_near_floor(),
+        is_complete=is_complete and search.is_near_floor(),
         free=search,
         unlisted=unlisted,
         doubted=doubted,
@@ -157,6 +162,26 @@ def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[s
         if fewer.names_causes():
             return fewer, True, plain
     return search, False, ()
+
+
+def _named_beside(
+    search: FreeSearch, rivals: Rivals
+) -> tuple[FreeSearch, tuple[str, ...], tuple[Unlisted, ...]] | None:
+    """Effects of a search that explain an axis together with a curve, as `search_beside`."""
+    loop = rivals.screen.loop
+    for step in reversed(search.steps):
+        curve = rivals.complement(step.model)
+        if curve is None:
+            continue
+        known = rivals.screen.forces(curve)
+        beside = MotionLoop(loop.name, loop.motions, loop.settings, 0.0, loop.workers, known)
+        beside.spread = loop.spread
+        sought = {term.name: term.effect for term in step.model.terms}
+        found = search_beside(beside, rivals, curve, sought, len(sought))
+        if found is not None:
+            free, doubted, unlisted = found
+            return replace(free, loop=loop), doubted, unlisted
+    return None
 
 
 def _hold_out(examined: Examination, searches: Mapping[str, FreeSearch]) -> HeldOut:

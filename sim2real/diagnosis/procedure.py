@@ -27,6 +27,7 @@ from sim2real.attribution import (
     search_effects,
 )
 from sim2real.diagnosis.along_motion import search_along_motion
+from sim2real.diagnosis.beside_curve import search_beside
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
 from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.findings import Unlisted
@@ -34,7 +35,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Innovations, Rivals, Screen, find_rivals
+from sim2real.rivals import Curve, Innovations, Rivals, Screen, find_rivals
 from sim2real.scoring.constants import (
     ENOUGH,
     FITTED,
@@ -49,6 +50,8 @@ from sim2real.tracking import Tracker
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
 
+_SAME_OVER = dict.fromkeys(("acceleration", "force", "frequency"), ("mass", "motor"))
+"""Coordinate -> groups of effects that a curve over it is not told from."""
 _BELL = ["size", "place", "shape"]
 """Roles of the parameters of an effect that acts around one place."""
 
@@ -163,6 +166,34 @@ class _StageSearch:
     def decide_in_loop(self, name: str) -> AxisSearch:
         """Decide about an axis that the search by innovations leaves open, or needs several for.
 
+        Where a curve over one coordinate is the answer, an effect may explain the rest beside it.
+        """
+        search = self._decide(name)
+        if search.best.model.terms or not search.unlisted or search.unlisted[0].seen_in:
+            return search
+        groups = _SAME_OVER.get(search.unlisted[0].over, ())
+        others = {n: e for n, e in self._library.items() if e.group not in groups}
+        return self._name_beside(name, search, self._rivals(name).curves[0], others, 1) or search
+
+    def _name_beside(
+        self, name: str, search: AxisSearch, curve: Curve, sought: Mapping[str, Effect], most: int
+    ) -> AxisSearch | None:
+        """The search with effects that explain an axis beside a curve; None without any.
+
+        The curve's force along the recorded motion is taken as known.
+        """
+        rivals, tolerance = self._rivals(name), float(search.problem.spread[0])
+        known = rivals.screen.forces(curve)
+        loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers, known)
+        found = search_beside(loop, rivals, curve, sought, most)
+        if found is None:
+            return None
+        free, doubted, unlisted = found
+        return replace(search.decided_in_loop(free), doubted=doubted, unlisted=unlisted)
+
+    def _decide(self, name: str) -> AxisSearch:
+        """The effects of an axis, or the coordinate that is its answer.
+
         Where a curve over one coordinate explains what no few effects do, that is the answer. Else
         the free loop searches, and what it finds meets the curves, too.
         """
@@ -179,7 +210,8 @@ class _StageSearch:
             if not rivals.leave_names(self._transmitted(name), leaves_structure=is_open):
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
-            return replace(search, doubted=self._rivals(name).shapes(search.best.model))
+            doubted, unlisted = self._rivals(name).instead_of_some(search.best.model)
+            return replace(search, doubted=doubted, unlisted=unlisted)
         innovations, rivals = Innovations(search.problem), self._rivals(name)
         instead = innovations.unlisted()
         if instead and innovations.instead_of([*near, *self._transmitted(name)]):
@@ -187,7 +219,14 @@ class _StageSearch:
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         most = MOST_FOR_CURVE if self._is_nearly_all(name) else MOST_EFFECTS
-        found = search.decided_in_loop(search_free(loop, self._all, rival=first[0], most=most))
+        free = search_free(loop, self._all, rival=first[0], most=most, is_beaten=rivals.beat)
+        curve = rivals.complement(free.best.model)
+        if curve is not None:
+            sought = {term.name: self._all[term.name] for term in free.best.model.terms}
+            both = self._name_beside(name, search, curve, sought, len(sought))
+            if both is not None:
+                return both
+        found = search.decided_in_loop(free)
         model = found.best.model
         if not model.terms or not rivals.leave_names([model]):
             return found.without_names(rivals.unlisted(name) or innovations.unlisted())

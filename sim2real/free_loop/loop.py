@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hil_sim.plant import needs_all_axes, simulate, simulate_variants
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Workers
+from sim2real.free_loop.known_force import known_force
 from sim2real.gap import Measured
 from sim2real.held_out import FOLDS
 from sim2real.phases import split_moves
@@ -45,6 +46,7 @@ class FreeLoop:
         settings: of the machine file.
         tolerance: relative standard deviation of the base parameters.
         workers: threads that the simulations are shared among.
+        known: a force besides the models' in each recording, float64[K] [N]; None for none.
 
     Attributes:
         axis: of the machine file.
@@ -70,8 +72,10 @@ class FreeLoop:
         settings: StageSettings,
         tolerance: float,
         workers: Workers | None = None,
+        known: Sequence[F64] = (),
     ) -> None:
         self.name = name
+        self._known = [known_force(force) for force in known]
         self.settings = settings
         self.workers = workers or Workers()
         self._at = [a.name for a in settings.axes].index(name)
@@ -158,7 +162,8 @@ class FreeLoop:
             ValueError: values that physics does not allow.
         """
         replay, at = self.measured[number].replay, self._at
-        stage = StageSettings(self.settings.sync_period, tuple(variants), replay.start)
+        each = tuple(self._beside_known(number, variant) for variant in variants)
+        stage = StageSettings(self.settings.sync_period, each, replay.start)
         response = simulate_variants(
             stage, replay.demand[:, at], replay.offset[:, at], replay.rest_force[at],
             rounded=False, substeps=self._substeps,
@@ -168,6 +173,7 @@ class FreeLoop:
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """Position and force of the axis where others must be simulated too, float64[P] [m, N]."""
         replay = self.measured[number].replay
+        axis = self._beside_known(number, axis)
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         stage = replace(self.settings, axes=axes, start=replay.start)
         response = simulate(
@@ -175,6 +181,9 @@ class FreeLoop:
             substeps=self._substeps, rounded=False,
         )  # fmt: skip
         return response.position[:, self._at], response.force[:, self._at]
+
+    def _beside_known(self, number: int, axis: AxisSettings) -> AxisSettings:
+        return replace(axis, effects=(*axis.effects, *self._known[number : number + 1]))
 
     def _simulated(self, number: int, variants: list[AxisSettings]) -> list[F64]:
         if not variants:

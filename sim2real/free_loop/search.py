@@ -129,6 +129,7 @@ def search_free(
     *,
     most: int = MOST_EFFECTS,
     plain_first: bool = False,
+    is_beaten: Callable[[AxisModel, AxisModel], bool] = lambda *_: False,
 ) -> FreeSearch:
     """Find the effects of an axis.
 
@@ -141,6 +142,8 @@ def search_free(
         plain_first: an effect that every machine may have, such as a weight, is preferred to one
             that does not predict other moves better. By scores alone it is not: where structure is
             left, they take any difference for information.
+        is_beaten: whether something else explains what a model (the first one) leaves, better than
+            the effect does that was added to it (the second one). Then the search ends.
     """
     selection = _Selection(loop, library)
     current = selection.fit(loop.start, SHORT)
@@ -148,6 +151,10 @@ def search_free(
     opened = loop.gap(loop.residual(loop.start))
     search = FreeSearch(loop, current, folds, opened, scores=selection.scores)
     plain = held = loop.held_out([fold.residual for fold in folds])
+
+    def is_taken(model: AxisModel) -> bool:
+        return bool(search.steps) and is_beaten(search.best.model, model)
+
     while len(current.model.terms) < most:
         new = selection.add_best(current)
         if new is None or score(loop, new) >= score(loop, current):
@@ -163,12 +170,14 @@ def search_free(
             if len(names) - len(before) >= PATIENCE:
                 break
             continue
+        if is_taken(current.model):
+            break
         added = [name for name in names if name not in before] or [names[-1]]
         search.steps.append(_step(loop, opened, current.model, added, (held, remaining)))
         search.best, search.folds, held = current, folds, remaining
         if len(names) > 3 and loop.gap(current.residual) > HOPELESS * FLOOR_LEVEL:
             break
-    if rival is not None and rival.terms and loop.allows(rival):
+    if rival is not None and rival.terms and loop.allows(rival) and not is_taken(rival):
         fitted, folds = fit_figures(loop, rival)
         search.scores[tuple(sorted(rival.names()))] = score(loop, fitted)
         if score(loop, fitted) < score(loop, search.best):

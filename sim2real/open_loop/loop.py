@@ -98,6 +98,7 @@ class MotionLoop(FreeLoop):
         settings: of the machine file.
         tolerance: relative standard deviation of the base parameters.
         workers: threads that the models are shared among.
+        known: as of `FreeLoop`.
 
     Attributes:
         motions: of the recordings.
@@ -112,10 +113,11 @@ class MotionLoop(FreeLoop):
         settings: StageSettings,
         tolerance: float,
         workers: Workers | None = None,
+        known: Sequence[F64] = (),
     ) -> None:
         self.motions = tuple(motions)
         measured = [_for_force_alone(compare_along(m, settings), name) for m in motions]
-        super().__init__(name, measured, settings, tolerance, workers)
+        super().__init__(name, measured, settings, tolerance, workers, known)
 
     def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
         """As `FreeLoop.respond`, along the measured motion, float64[P, variants] each [m, N]."""
@@ -123,7 +125,7 @@ class MotionLoop(FreeLoop):
         moved = motion.axes[self.name]
         force = force_variants(
             motion.period,
-            variants,
+            [self._beside_known(number, variant) for variant in variants],
             (moved.position, moved.velocity, moved.acceleration),
             motion.start,
         )
@@ -132,7 +134,7 @@ class MotionLoop(FreeLoop):
 
     def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
         """As `FreeLoop.respond_jointly`, along the measured motion, float64[P] each [m, N]."""
-        motion = self.motions[number]
+        motion, axis = self.motions[number], self._beside_known(number, axis)
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         _, force = _forces_along(motion, replace(self.settings, axes=axes))
         at = [a.name for a in axes].index(self.name)

@@ -13,4 +13,5 @@ from sim2real.rivals.description import Description as Description
 from sim2real.rivals.description import describe_force as describe_force
 from sim2real.rivals.innovations import Innovations as Innovations
 from sim2real.rivals.screen import GROUPS as GROUPS
+from sim2real.rivals.screen import Curve as Curve
 from sim2real.rivals.screen import Screen as Screen

@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 
 import numpy as np
 
 from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import STEP, AxisModel, coordinates, is_coulomb_level
+from sim2real.free_loop import is_certain
 from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
 from sim2real.rivals.grouped_fit import Prediction
@@ -206,6 +208,42 @@ class Rivals:
         groups = {term.effect.group for term, shows in terms if shows}
         return [t.name for t, shows in terms if not shows and t.effect.group in groups]
 
+    def taken_together(self, model: AxisModel) -> tuple[str, ...]:
+        """Several effects, of which one curve beside the others predicts better than they do.
+
+        Of a wave over position and other effects a curve over something else only has to predict as
+        well: in strokes of equal length, what goes with velocity comes back at equal distances.
+        Most effects, if there are several such sets; of as many, those that lose most.
+        """
+        whole = self.screen.model(model) if len(model.terms) > 1 else None
+        waves, hidden = _pitches(model), self.hidden(model) if whole is not None else ()
+        shown = [name for name in model.names() if name not in hidden]
+        for size in range(len(shown), 1, -1):
+            taken: tuple[float, tuple[str, ...]] = -math.inf, ()
+            for names in combinations(shown, size):
+                linear = self.screen.linear(_without(model, names))
+                curves = _curves(self.screen, COORDINATES, linear) if linear is not None else []
+                if whole is None or not curves:
+                    continue
+                best = curves[0]
+                excess, error = _compare(whole, best.prediction)
+                is_better = excess > self.margin(error) and size < len(model.terms)
+                is_wave = best.coordinate.along != "position" and not waves.keys().isdisjoint(names)
+                is_enough = self.screen.closed(best.prediction) >= ENOUGH
+                is_alike = is_enough and not self._is_better(whole, best.prediction)
+                if is_better or (is_wave and is_alike):
+                    taken = max(taken, (excess, names))
+            if taken[1]:
+                return taken[1]
+        return ()
+
+    def instead_of_some(self, model: AxisModel) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
+        """Effects of a complete model that are none, and the curve that takes their place."""
+        together = self.taken_together(model)
+        found = self._beside(_without(model, together)) if together else None
+        unlisted = () if found is None else found.unlisted(self.screen.loop.name)
+        return (*self.shapes(model), *together), unlisted
+
     def beside(
         self, model: AxisModel, kept: Sequence[str] = ()
     ) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
@@ -216,9 +254,9 @@ class Rivals:
         another effect's shape may lack, in any case. A curve is given where it closes a fiftieth of
         the whole gap.
         """
-        dropped = list(dict.fromkeys([*self.shapes(model), *self._misfits(model)]))
-        for name in dropped:
-            model = model.without(model.names().index(name))
+        mistaken = (self.shapes(model), self._misfits(model), self.taken_together(model))
+        dropped = list(dict.fromkeys(chain(*mistaken)))
+        model = _without(model, dropped)
         found = self._beside(model)
         best = None if found is None else found.best
         if found is None or best is None:
@@ -244,6 +282,56 @@ class Rivals:
         if found is None or found.gained < LITTLE * (self.opened.energy - self.screen.floor):
             return tuple(dropped), ()
         return tuple(dropped), found.unlisted(self.screen.loop.name)
+
+    def beat(self, before: AxisModel, after: AxisModel) -> bool:
+        """Whether a curve beside a model is the answer, and not the effect that was added to it.
+
+        Args:
+            before: the model.
+            after: with the effect.
+        """
+        found, whole = self._beside(before), self.screen.model(after)
+        best = None if found is None else found.best
+        if best is None or whole is None or self.screen.closed(best.prediction) < ENOUGH:
+            return False
+        return self._is_better(best.prediction, whole)
+
+    def complement(self, model: AxisModel) -> Curve | None:
+        """The curve that explains together with a model what neither explains alone.
+
+        Both predict other moves better than any curve alone, and not by chance.
+        """
+        found = self._beside(model) if self.curves else None
+        best = None if found is None else found.best
+        if found is None or best is None:
+            return None
+        is_better = self._is_better(best.prediction, self.curves[0].prediction)
+        return best if is_better else None
+
+    def _is_better(self, one: Prediction, other: Prediction) -> bool:
+        """Whether one predicts other moves better, by what matters and not by chance."""
+        gained = other.energies - one.energies
+        return gained.sum() > _FAINT * self.screen.floor and is_certain(gained[gained != 0.0])
+
+    def keep_beside(self, model: AxisModel, curve: Curve) -> bool:
+        """Whether a model beside a curve keeps its names against a second curve there."""
+        alone, linear = self.screen.curve(curve.coordinate), self.screen.linear(model)
+        whole = None if linear is None else self.screen.curve(curve.coordinate, linear)
+        if alone is None or whole is None:
+            return False
+        if alone.prediction.energy <= NEAR * self.screen.floor:
+            return True  # it leaves nothing along the motion
+        second = _curves(self.screen, COORDINATES, self.screen.as_linear(curve))
+        excess, error = _compare(whole.prediction, second[0].prediction)
+        return excess <= Rivals(self.screen, second, alone.prediction).margin(error)
+
+    def hidden(self, model: AxisModel) -> tuple[str, ...]:
+        """Effects of a model that do not show along the motion, as mass and dead time."""
+        whole = self.screen.model(model)
+        losses = [] if whole is None else _losses(self.screen, model, whole)
+        least = _FAINT * self.screen.floor
+        pairs = zip(model.names(), losses, strict=False)
+        return tuple(name for name, loss in pairs if loss <= least)
 
     def _beside(self, model: AxisModel) -> Rivals | None:
         """The curves beside a model; None where it cannot be simulated, or leaves little."""
@@ -301,6 +389,11 @@ class Rivals:
         """Energy by which a prediction may be worse and count as alike; error: its standard one."""
         gap = max(self.opened.energy - self.screen.floor, 0.0)
         return min(max(error, LITTLE * gap), _MUCH * gap)
+
+
+def _without(model: AxisModel, names: Sequence[str]) -> AxisModel:
+    """A model without effects."""
+    return replace(model, terms=tuple(term for term in model.terms if term.name not in names))
 
 
 def find_period(curve: Curve) -> float:

@@ -10,6 +10,7 @@ Source: docs/decisions/0019-rivals.md.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -161,7 +162,7 @@ class Screen:
             return None
         over = self.columns(coordinate, at)
         size = over.shape[1]
-        both = over if beside is None else np.column_stack((over, beside.effects))
+        both = over if beside is None else np.column_stack((over, _as_large(beside.effects, over)))
         second = bends(size if coordinate.is_curve else 0, both.shape[1])
         held = (np.arange(both.shape[1]) < size) & coordinate.is_held
         best = self._smoothed(both, second, 0.0, beside, held)
@@ -189,6 +190,21 @@ class Screen:
         """A curve of unit height at each node, as it shows in the residual, float64[R, n]."""
         each = (columns(coordinate, at, course) for course in self._courses)
         return np.concatenate([self._seen(number, own) for number, own in enumerate(each)])
+
+    def as_linear(self, curve: Curve) -> Linear:
+        """The machine file with a curve as its effect, to fit another one beside it."""
+        at = self.nodes(curve.coordinate)
+        if at is None:
+            return self._plain
+        return replace(self._plain, effects=self.columns(curve.coordinate, at))
+
+    def forces(self, curve: Curve) -> list[F64]:
+        """The force of a curve along the motion of each recording, float64[P] each [N]."""
+        at = self.nodes(curve.coordinate)
+        if at is None:
+            return []
+        each = [columns(curve.coordinate, at, course) for course in self._courses]
+        return [own @ curve.prediction.values[: own.shape[1]] for own in each]
 
     def together(self, over: F64, second: F64, small: float, held: BoolArray) -> Prediction:
         """Several curves beside the plant's figures as they are, with the best weight.
@@ -293,6 +309,12 @@ class Screen:
         weights = np.linalg.lstsq(plain, self._residual, rcond=None)[0]
         force = (self._residual - plain @ weights) * self._floors
         return find_wave(coordinate, self._courses, self._used, force, self._period)
+
+
+def _as_large(columns: F64, others: F64) -> F64:
+    """Columns scaled to the mean square of others: a penalty on all of them weighs alike."""
+    mean = math.sqrt(float(np.mean(others**2)))
+    return np.asarray(columns * (mean / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-12)))
 
 
 def _apart(motion: Motion, name: str) -> int:

@@ -18,6 +18,8 @@ from sim2real.gap import compare_with_model, gap_closed
 from tests.signals import as_in_a_terminal
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
+ROUGH = {"amplitude": 0.5, "center": -0.005, "width": 0.012}
+
 
 def diagnosed(recording, settings, *names):
     """The diagnosis with a library of these effects."""
@@ -80,6 +82,17 @@ def test_three_effects_of_one_axis_are_named(nominal):
     for cause in found.report.causes:
         for key, value in there[cause.effect].items():
             assert abs(cause.parameters[key].value - value) < 3.0 * cause.parameters[key].sigma
+
+
+@pytest.mark.slow
+def test_a_mass_beside_a_force_on_no_list_keeps_its_name(nominal):
+    """Along the motion it does not show: the closed loop knows it, with the curve as given."""
+    there = {"payload_mass": {"mass": 0.8}, "rough_stretch": ROUGH}
+    found = diagnosed(stage_with(nominal, 34, x=there), nominal[1], "payload_mass", "dead_time")
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "payload_mass")]
+    assert found.report.verdict == "partly_explained"
+    assert found.report.causes[0].parameters["mass"].value == pytest.approx(0.8, abs=0.1)
+    assert [(u.axis, u.over) for u in found.report.unlisted] == [("x", "position_direction")]
 
 
 @pytest.mark.slow

@@ -91,6 +91,37 @@ def test_no_more_effects_are_sought_than_asked_for(screw):
     assert len(found.best.model.terms) == 2
 
 
+def test_a_search_ends_before_an_effect_that_something_else_beats(screw):
+    known = library()
+    asked = []
+
+    def is_beaten(before, after):
+        asked.append((before.names(), after.names()))
+        return True
+
+    sought, rival = {name: known[name] for name in THREE}, screw.start
+    for name, values in THREE.items():
+        rival = rival.added(Term(known[name], tuple(values.values())))
+    found = search_free(screw, sought, rival=rival, is_beaten=is_beaten)
+    first = found.best.model.names()
+    assert len(first) == 1
+    assert [before for before, _ in asked] == [first, first], "a rival is asked about, too"
+    assert asked[-1][1] == rival.names()
+
+
+def test_a_force_that_is_known_is_part_of_every_model(screw, nominal):
+    (measured,) = screw.measured
+    force = np.full(len(measured.replay.demand), THREE["force_offset"]["force"])
+    beside = FreeLoop("x", [measured], nominal[1], TOLERANCE["x"], known=[force])
+    offset = screw.start.added(Term(library()["force_offset"], (1.2,)))
+    np.testing.assert_allclose(
+        beside.residual(beside.start), screw.residual(offset), atol=0.05, rtol=1e-3
+    )
+    mass = screw.start.added(Term(library()["payload_mass"], (0.2,)))
+    both = mass.added(offset.terms[0])
+    np.testing.assert_allclose(beside.residual(mass), screw.residual(both), atol=0.05, rtol=1e-3)
+
+
 def test_values_that_are_not_physical_have_no_residual(screw):
     impossible = screw.start.added(Term(library()["payload_mass"], (-100.0,)))
     (left, plain) = screw.residuals([impossible, screw.start])

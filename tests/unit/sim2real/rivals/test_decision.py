@@ -88,7 +88,7 @@ def screen_of(nominal):
     """Curves of axis x of the stage with an effect; None for none."""
     recording, settings = nominal
 
-    def screen(effect=None, **values):
+    def screen(effect=None, read=lambda x: x, **values):
         replay = prepare_replay(recording, settings)
         axes = tuple(
             replace(axis, effects=(effect.at(**values),)) if effect and axis.name == "x" else axis
@@ -96,7 +96,9 @@ def screen_of(nominal):
         )
         run = simulate(replace(settings, axes=axes), replay.demand, replay.offset, seed=3)
         signals = {
-            name: replace(of, position_actual=run.position[:, a], force_actual=run.force[:, a])
+            name: replace(
+                of, position_actual=read(run.position[:, a]), force_actual=run.force[:, a]
+            )
             for a, (name, of) in enumerate(recording.axes.items())
         }
         motion = measure_motion(replace(recording, axes=signals), settings)
@@ -139,6 +141,38 @@ def test_the_coordinate_of_a_force_on_no_list_is_found(screen_of, effect, size, 
     if effect is drag:
         fast = np.abs(at) > 0.3 * at.max()
         np.testing.assert_allclose(force[fast], size * (at * np.abs(at))[fast], rtol=0.2)
+
+
+@pytest.mark.parametrize("width", [1e-5, 4e-7])
+def test_an_encoder_that_lags_behind_the_path_is_no_friction(screen_of, width):
+    """What its mount gives way to grows over 20 um after a reversal; with play it is at once."""
+
+    def read(position):
+        return position - 1e-6 * stop_operators(position, np.array([width]))[:, 0]
+
+    rivals = find_rivals(screen_of(read=read))
+    (found,) = rivals.unlisted("x")
+    assert (found.over, found.times, found.alike) == ("reversal_path", "reading", ())
+    assert found.what == "an error of the encoder"
+    assert found.gap_closed > 0.75
+    error = found.curve.force
+    assert (error[0], error[-1]) == pytest.approx((1e-6, -1e-6), rel=0.5)
+    assert describe_force(rivals.screen.loop, [found]) == (), "no twin has it"
+    stiff = rivals.screen.loop.start.added(Term(library()["presliding_stiffness"], (1.05,)))
+    assert not rivals.leave_names([stiff])
+
+
+def test_friction_that_grows_with_acceleration_has_its_coordinate(screen_of):
+    @unlisted(SIZE, over="")
+    def pressed(ports, p):
+        ports.press(p["size"], 0.4)
+
+    (found,) = find_rivals(screen_of(pressed, size=0.2)).unlisted("x")
+    assert (found.over, found.times) == ("acceleration", "friction")
+    assert set(found.alike) <= {"force"}
+    assert found.gap_closed > 0.9
+    at, force = np.array(found.curve.at), np.array(found.curve.force)
+    assert force[np.abs(at) > 2.5].min() > 1.5
 
 
 def test_iron_that_lags_behind_the_motor_force_is_no_set_of_effects(screen_of, nominal):
@@ -207,6 +241,7 @@ def test_beside_names_a_coordinate_has_to_close_a_fiftieth_of_the_whole_gap(nomi
     assert [found.over for found in unlisted] == (["velocity"] if given else [])
 
 
+COGGING_AND_OIL = {"cogging": (1.5, 0.03, 0.0), "viscous_damping": (1.5,)}
 VALUES = {
     "coulomb_level": (1.2,),
     "thermal_drift": (0.2, 30.0),
@@ -367,6 +402,73 @@ def test_a_name_that_partly_stands_for_a_function_of_time_goes(easing_beside_cog
     assert doubted == ("coulomb_level",)
     assert (found.over, found.times) == ("time", "friction")
     assert found.gap_closed > 0.8
+
+
+def test_a_name_and_a_curve_may_explain_what_neither_does_alone(easing_beside_cogging):
+    screen, cogging = easing_beside_cogging
+    rivals, start = find_rivals(screen), screen.loop.start
+    curve = rivals.complement(start.added(cogging))
+    assert curve is not None
+    assert (curve.coordinate.over, curve.coordinate.times) == ("time", "friction")
+    assert rivals.keep_beside(start.added(cogging), curve)
+    spring = start.added(Term(library()["cable_stiffness"], (20.0, 0.0)))
+    assert rivals.complement(spring) is None
+    assert not rivals.keep_beside(spring, curve), "a curve over position does better"
+    oil = Term(library()["viscous_damping"], (1.1,))
+    assert rivals.beat(start.added(cogging), start.added(cogging).added(oil))
+
+
+def test_an_effect_is_no_rival_of_what_was_found_before_it(screen_of):
+    cogging, oil = (Term(library()[n], v) for n, v in COGGING_AND_OIL.items())
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        for term in (cogging, oil):
+            term.effect.apply(ports, term.mapping())
+
+    rivals = find_rivals(screen_of(both, size=1.0))
+    start = rivals.screen.loop.start
+    assert not rivals.beat(start.added(cogging), start.added(cogging).added(oil))
+    assert not rivals.beat(start.added(oil), start.added(oil).added(cogging))
+    assert rivals.taken_together(start.added(oil).added(cogging)) == ()
+
+
+def test_two_of_three_effects_that_one_curve_replaces_are_taken(screen_of):
+    cogging = Term(library()["cogging"], COGGING_AND_OIL["cogging"])
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        cogging.effect.apply(ports, cogging.mapping())
+        drag.apply(ports, {"size": 60.0})
+
+    rivals = find_rivals(screen_of(both, size=1.0))
+    model = rivals.screen.loop.start.added(cogging)
+    oil = Term(library()["viscous_damping"], (1.6,))
+    level = Term(library()["coulomb_level"], (0.9,))
+    assert rivals.taken_together(model.added(oil)) == (), "no curve does what both do"
+    imitated = model.added(oil).added(level)
+    assert rivals.taken_together(imitated) == ("viscous_damping", "coulomb_level")
+    doubted, (found,) = rivals.instead_of_some(imitated)
+    assert doubted == ("viscous_damping", "coulomb_level")
+    assert found.over == "velocity"
+    assert found.gap_closed > 0.9
+
+
+def test_a_frequency_beside_a_curve_does_not_weigh_on_its_bends(screen_of):
+    """Its derivative grows with time: a thousand times those of the curve's heights."""
+    floor = Term(library()["floor_vibration"], (0.5, 56.2, 2.7))
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        floor.effect.apply(ports, floor.mapping())
+        splinter.apply(ports, {"size": 3.0})
+
+    screen = screen_of(both, size=1.0)
+    linear = screen.linear(screen.loop.start.added(floor))
+    coordinate = Coordinate("position", "position", step=2.5e-4)
+    beside = screen.curve(coordinate, linear)
+    fixed = screen.curve(coordinate, replace(linear, effects=linear.effects[:, :0]))
+    assert beside.prediction.energy < 1.1 * fixed.prediction.energy
 
 
 def test_several_effects_of_one_coordinate_are_one_curve(screen_of):
