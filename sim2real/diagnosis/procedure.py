@@ -33,7 +33,7 @@ from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.findings import Unlisted
 from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
-from sim2real.held_out import axis_gap, predict_held_out
+from sim2real.held_out import FLOOR_LEVEL, axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
 from sim2real.rivals import Curve, Innovations, Rivals, Screen, find_rivals
 from sim2real.scoring.constants import (
@@ -171,21 +171,31 @@ class _StageSearch:
         search = self._decide(name)
         if search.best.model.terms or not search.unlisted or search.unlisted[0].seen_in:
             return search
+        curve = self._rivals(name).curves[0]
+        loop = self._loop_beside(name, curve)
+        left = loop.gap(loop.residual(loop.start))
+        if left - FLOOR_LEVEL < (1.0 - ENOUGH) * (search.open_gap - FLOOR_LEVEL):
+            return search
         groups = _SAME_OVER.get(search.unlisted[0].over, ())
         others = {n: e for n, e in self._library.items() if e.group not in groups}
-        return self._name_beside(name, search, self._rivals(name).curves[0], others, 1) or search
+        return self._name_beside(search, loop, curve, others, 1) or search
+
+    def _loop_beside(self, name: str, curve: Curve) -> FreeLoop:
+        """The free loop of an axis with a curve's force along the recorded motion as known."""
+        known = self._rivals(name).screen.forces(curve)
+        tolerance = self._tolerance_of(name)
+        return FreeLoop(name, self._measured, self._settings, tolerance, self._workers, known)
 
     def _name_beside(
-        self, name: str, search: AxisSearch, curve: Curve, sought: Mapping[str, Effect], most: int
+        self,
+        search: AxisSearch,
+        loop: FreeLoop,
+        curve: Curve,
+        sought: Mapping[str, Effect],
+        most: int,
     ) -> AxisSearch | None:
-        """The search with effects that explain an axis beside a curve; None without any.
-
-        The curve's force along the recorded motion is taken as known.
-        """
-        rivals, tolerance = self._rivals(name), float(search.problem.spread[0])
-        known = rivals.screen.forces(curve)
-        loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers, known)
-        found = search_beside(loop, rivals, curve, sought, most)
+        """The search with effects that explain an axis beside a curve, as `search_beside`."""
+        found = search_beside(loop, self._rivals(loop.name), curve, sought, most)
         if found is None:
             return None
         free, doubted, unlisted = found
@@ -223,7 +233,8 @@ class _StageSearch:
         curve = rivals.complement(free.best.model)
         if curve is not None:
             sought = {term.name: self._all[term.name] for term in free.best.model.terms}
-            both = self._name_beside(name, search, curve, sought, len(sought))
+            beside = self._loop_beside(name, curve)
+            both = self._name_beside(search, beside, curve, sought, len(sought))
             if both is not None:
                 return both
         found = search.decided_in_loop(free)

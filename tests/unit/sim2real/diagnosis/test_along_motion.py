@@ -15,6 +15,7 @@ from sim2real.free_loop import fit_figures, search_free
 from sim2real.open_loop import MotionLoop
 from stagectl.config import stage_settings
 from stagectl.importing import import_recording, load_map
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 from tests.unit.sim2real.other_machines import (
     ACTUATOR,
     BELT,
@@ -135,6 +136,22 @@ def test_what_several_effects_cannot_keep_the_first_may(two_steps):
     early = [replace(step, closed=0.8) for step in two_steps.steps]
     found, keeps, _ = named(replace(two_steps, steps=early), Curves(offset))
     assert (found.best.model.names(), keeps) == (both, False)
+
+
+@pytest.mark.slow
+def test_an_effect_beside_a_force_on_no_list_keeps_its_name(nominal):
+    rough = {"amplitude": 0.5, "center": -0.005, "width": 0.012}
+    there = {"viscous_damping": {"ratio": 1.6}, "rough_stretch": rough}
+    recording = stage_with(nominal, 35, seconds=6.0, x=there)
+    known = {name: library()[name] for name in ("viscous_damping", "force_offset")}
+    report = diagnose(
+        examine([recording], nominal[1], open_loop="asked for"), TOLERANCE, known
+    ).report
+    assert [(c.axis, c.effect) for c in report.causes] == [("x", "viscous_damping")]
+    assert report.causes[0].probability <= 0.85
+    assert report.causes[0].parameters["ratio"].value == pytest.approx(1.6, abs=0.05)
+    assert [(u.axis, u.over) for u in report.unlisted] == [("x", "position_direction")]
+    assert report.verdict == "partly_explained"
 
 
 @pytest.mark.slow
