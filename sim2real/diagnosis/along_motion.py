@@ -30,7 +30,7 @@ from sim2real.fitting import (
 from sim2real.free_loop import FreeSearch, fit_figures, move_covariance, search_free
 from sim2real.held_out import FLOOR_LEVEL, FOLDS, HeldOut, Models, Remaining
 from sim2real.open_loop import FIGURES, MotionLoop, compare_along
-from sim2real.rivals import Rivals, Screen, find_rivals
+from sim2real.rivals import Beside, Rivals, Screen, find_rivals
 from sim2real.scoring.constants import ENOUGH, OPEN
 
 _UNKNOWN = 0.19
@@ -108,13 +108,14 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
     is_complete = True
     if search.open_gap > OPEN * FLOOR_LEVEL:
         rivals = find_rivals(Screen(loop))
-        search, keeps, plain = named(search, rivals)
+        beside = Beside(rivals)
+        search, keeps, plain = named(search, rivals, beside)
         both = None if keeps else _named_beside(search, rivals)
         if both is not None:
             search, doubted, unlisted = both
             is_complete = False
         elif keeps:
-            doubted, unlisted = rivals.beside(search.best.model, plain)
+            doubted, unlisted = beside.doubts(search.best.model, plain)
         else:
             doubted, unlisted = search.best.model.names(), rivals.unlisted(loop.name)
     best = search.best
@@ -131,7 +132,9 @@ def _result(search: FreeSearch, loop: MotionLoop) -> AxisResult:
     )
 
 
-def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[str, ...]]:
+def named(
+    search: FreeSearch, rivals: Rivals, beside: Beside
+) -> tuple[FreeSearch, bool, tuple[str, ...]]:
     """What a search found, up to the last step whose effects keep their names against curves.
 
     Where all its effects together do not keep them, fewer may that close nearly all of the gap: a
@@ -149,7 +152,7 @@ def named(search: FreeSearch, rivals: Rivals) -> tuple[FreeSearch, bool, tuple[s
             plain = step.model.names()
     found = search.best.model
     if search.names_causes() and rivals.leave_names([found]):
-        if plain in ((), found.names()) or not rivals.beside(found, plain)[0]:
+        if plain in ((), found.names()) or not beside.doubts(found, plain)[0]:
             return search, True, plain
     for number, step in reversed(list(enumerate(search.steps))):
         if step.closed < ENOUGH:
@@ -170,7 +173,7 @@ def _named_beside(
     """Effects of a search that explain an axis together with a curve, as `search_beside`."""
     loop = rivals.screen.loop
     for step in reversed(search.steps):
-        curve = rivals.complement(step.model)
+        curve = Beside(rivals).complement(step.model)
         if curve is None:
             continue
         known = rivals.screen.forces(curve)

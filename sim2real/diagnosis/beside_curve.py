@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from hil_sim.effects import Effect
 from sim2real.findings import Unlisted
 from sim2real.free_loop import FreeLoop, FreeSearch, search_free
-from sim2real.rivals import Curve, Rivals
+from sim2real.rivals import Beside, Curve, Rivals
 from sim2real.scoring.constants import ENOUGH
 
 
@@ -29,8 +29,8 @@ def search_beside(
         curve does so as well.
     """
     free = search_free(loop, sought, most=most)
-    model = free.best.model
-    if free.closed < ENOUGH or not free.names_causes() or not rivals.keep_beside(model, curve):
+    model, beside = free.best.model, Beside(rivals)
+    if free.closed < ENOUGH or not free.names_causes() or not beside.keep(model, curve):
         return None
-    doubted, unlisted = rivals.beside(model, rivals.hidden(model))
+    doubted, unlisted = beside.doubts(model, beside.hidden(model))
     return None if len(doubted) == len(model.terms) else (free, doubted, unlisted)

@@ -35,7 +35,7 @@ from sim2real.fitting import AxisModel, AxisProblem, Workers, compose_stage
 from sim2real.free_loop import FreeLoop, fit_alone, fit_free, search_free
 from sim2real.held_out import FLOOR_LEVEL, axis_gap, predict_held_out
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Curve, Innovations, Rivals, Screen, find_rivals
+from sim2real.rivals import Beside, Curve, Innovations, Rivals, Screen, find_rivals
 from sim2real.scoring.constants import (
     ENOUGH,
     FITTED,
@@ -220,7 +220,7 @@ class _StageSearch:
             if not rivals.leave_names(self._transmitted(name), leaves_structure=is_open):
                 return search.without_names(rivals.unlisted(name))
         if search.is_complete:
-            doubted, unlisted = self._rivals(name).instead_of_some(search.best.model)
+            doubted, unlisted = Beside(self._rivals(name)).doubts_of_complete(search.best.model)
             return replace(search, doubted=doubted, unlisted=unlisted)
         innovations, rivals = Innovations(search.problem), self._rivals(name)
         instead = innovations.unlisted()
@@ -229,12 +229,13 @@ class _StageSearch:
         tolerance = float(search.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         most = MOST_FOR_CURVE if self._is_nearly_all(name) else MOST_EFFECTS
-        free = search_free(loop, self._all, rival=first[0], most=most, is_beaten=rivals.beat)
-        curve = rivals.complement(free.best.model)
+        beside = Beside(rivals)
+        free = search_free(loop, self._all, rival=first[0], most=most, is_beaten=beside.beat)
+        curve = beside.complement(free.best.model)
         if curve is not None:
             sought = {term.name: self._all[term.name] for term in free.best.model.terms}
-            beside = self._loop_beside(name, curve)
-            both = self._name_beside(search, beside, curve, sought, len(sought))
+            known = self._loop_beside(name, curve)
+            both = self._name_beside(search, known, curve, sought, len(sought))
             if both is not None:
                 return both
         found = search.decided_in_loop(free)
@@ -244,7 +245,7 @@ class _StageSearch:
         instead = innovations.instead_of([model])
         if instead:
             return found.without_names(_clearer(rivals.unlisted(name), instead))
-        doubted, unlisted = rivals.beside(model)
+        doubted, unlisted = beside.doubts(model)
         return replace(found, doubted=doubted, unlisted=unlisted)
 
     def _transmitted(self, name: str) -> list[AxisModel]:

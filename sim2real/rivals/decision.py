@@ -3,8 +3,7 @@
 Effects keep their names where no curve over one coordinate predicts other moves better: where their
 prediction is within one standard error over blocks of moves of the best curve's, or loses less than
 a fiftieth of the gap. Several effects that show along the motion have to predict clearly better
-than one curve. Where a curve beside the effects predicts clearly better than these alone, those
-keep their names that are needed beside it.
+than one curve. What curves do beside effects: `beside`.
 
 Source: docs/decisions/0019-rivals.md.
 """
@@ -14,35 +13,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, combinations
 
 import numpy as np
 
 from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import STEP, AxisModel, coordinates, is_coulomb_level
-from sim2real.free_loop import is_certain
 from sim2real.held_out import share_closed
 from sim2real.rivals.coordinates import CLOSER, COORDINATES, NARROW, WAVES, Coordinate
 from sim2real.rivals.grouped_fit import Prediction
 from sim2real.rivals.screen import Curve, Linear, Screen
-from sim2real.scoring.constants import ENOUGH, LITTLE, NEAR, SURE_COORDINATE
+from sim2real.scoring.constants import ENOUGH, LITTLE, SURE_COORDINATE
 
 _MUCH = 0.2
 """Share of the gap that a name may lose to a curve within one standard error, which is large where
 few moves show the force; it may lose `LITTLE` in any case."""
-_CLEARLY = 3.0
+CLEARLY = 3.0
 """Standard errors by which several effects predict clearly better than a curve."""
 _AS_WELL = 0.5
 """Standard errors by which a prediction may be worse and still be as good."""
-_FAINT = 0.25
+FAINT = 0.25
 """Energy over that of noise which matters nowhere."""
 MOST, _SHOWN = 0.5, 0.2
 """Shares of the gap that a curve has to close on other moves: to take names away, and to be shown
 where nothing has a name and the gap is far above the floor."""
 _FAR = 4.0
 """Energy over that of noise that is far above it."""
-_TAKEN = 0.1
-"""Share of what an effect closes that may be lost where a curve takes its place."""
 _TURNS = 1.5
 """Periods of a wave within the motion from which it is known to come back."""
 _POINTS, _REPEATS = 1000, 0.1
@@ -141,11 +136,11 @@ class Rivals:
         self, model: AxisModel, prediction: Prediction, best: Curve, leaves_structure: bool
     ) -> bool:
         """Whether a model keeps its names beside the best curve, by what it predicts."""
-        excess, error = _compare(prediction, best.prediction)
+        excess, error = compare(prediction, best.prediction)
         margin = self.margin(error)
         if leaves_structure:
-            margin = min(margin, max(_CLEARLY * error, _FAINT * self.screen.floor))
-        if excess < -min(margin, _CLEARLY * error):
+            margin = min(margin, max(CLEARLY * error, FAINT * self.screen.floor))
+        if excess < -min(margin, CLEARLY * error):
             return True
         # Noise that a curve happens to follow is no reason to take a single name away.
         excess += min(best.prediction.energy - self.screen.floor, 0.0)
@@ -153,7 +148,7 @@ class Rivals:
 
     def _complete_keeps(self, model: AxisModel, prediction: Prediction, best: Curve) -> bool:
         """The same of a model that lacks nothing by the innovations."""
-        excess, error = _compare(prediction, best.prediction)
+        excess, error = compare(prediction, best.prediction)
         margin = self.margin(error)
         levels = [is_coulomb_level(term, self.screen.loop.axis) for term in model.terms]
         if all(levels) and self._is_one_function(prediction, best.coordinate):
@@ -173,7 +168,7 @@ class Rivals:
         group_of = dict(zip(model.names(), groups, strict=True))
         return [
             name
-            for name, pitch in _pitches(model).items()
+            for name, pitch in pitches(model).items()
             if _TURNS * pitch > high - low and groups.count(group_of[name]) > 1
         ]
 
@@ -184,171 +179,12 @@ class Rivals:
         few = self.screen.curve(replace(over, step=math.inf))
         if few is None:
             return False
-        excess, error = _compare(few.prediction, levels)
-        return excess <= max(error, _FAINT * self.screen.floor)
+        excess, error = compare(few.prediction, levels)
+        return excess <= max(error, FAINT * self.screen.floor)
 
     def shapes(self, model: AxisModel) -> list[str]:
         """Effects that are no more than the shape of another one: harmonics, and long waves."""
         return [*harmonics(model), *self._long_waves(model)]
-
-    def _misfits(self, model: AxisModel) -> list[str]:
-        """Effects that close no more than the shape of another one of their group may lack.
-
-        None where all effects together predict clearly better than a curve alone.
-        """
-        best, whole = self.best, self.screen.model(model)
-        if best is None or whole is None or len(model.terms) < 2:
-            return []
-        excess, error = _compare(whole, best.prediction)
-        if excess < -_CLEARLY * error:
-            return []
-        margin = self.margin(error)
-        shown = [loss > margin for loss in _losses(self.screen, model, whole)]
-        terms = list(zip(model.terms, shown, strict=True))
-        groups = {term.effect.group for term, shows in terms if shows}
-        return [t.name for t, shows in terms if not shows and t.effect.group in groups]
-
-    def taken_together(self, model: AxisModel) -> tuple[str, ...]:
-        """Several effects, of which one curve beside the others predicts better than they do.
-
-        Of a wave over position and other effects a curve over something else only has to predict as
-        well: in strokes of equal length, what goes with velocity comes back at equal distances.
-        Most effects, if there are several such sets; of as many, those that lose most.
-        """
-        whole = self.screen.model(model) if len(model.terms) > 1 else None
-        waves, hidden = _pitches(model), self.hidden(model) if whole is not None else ()
-        shown = [name for name in model.names() if name not in hidden]
-        for size in range(len(shown), 1, -1):
-            taken: tuple[float, tuple[str, ...]] = -math.inf, ()
-            for names in combinations(shown, size):
-                linear = self.screen.linear(_without(model, names))
-                curves = _curves(self.screen, COORDINATES, linear) if linear is not None else []
-                if whole is None or not curves:
-                    continue
-                best = curves[0]
-                excess, error = _compare(whole, best.prediction)
-                is_better = excess > self.margin(error) and size < len(model.terms)
-                is_wave = best.coordinate.along != "position" and not waves.keys().isdisjoint(names)
-                is_enough = self.screen.closed(best.prediction) >= ENOUGH
-                is_alike = is_enough and not self._is_better(whole, best.prediction)
-                if is_better or (is_wave and is_alike):
-                    taken = max(taken, (excess, names))
-            if taken[1]:
-                return taken[1]
-        return ()
-
-    def instead_of_some(self, model: AxisModel) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
-        """Effects of a complete model that are none, and the curve that takes their place."""
-        together = self.taken_together(model)
-        found = self._beside(_without(model, together)) if together else None
-        unlisted = () if found is None else found.unlisted(self.screen.loop.name)
-        return (*self.shapes(model), *together), unlisted
-
-    def beside(
-        self, model: AxisModel, kept: Sequence[str] = ()
-    ) -> tuple[tuple[str, ...], tuple[Unlisted, ...]]:
-        """Effects of a model that are not needed beside the best curve, and that curve.
-
-        Nothing of either where the model leaves little, or no curve beside it closes most of that.
-        No curve takes the place of effects that are `kept`. It takes that of `shapes`, and of what
-        another effect's shape may lack, in any case. A curve is given where it closes a fiftieth of
-        the whole gap.
-        """
-        mistaken = (self.shapes(model), self._misfits(model), self.taken_together(model))
-        dropped = list(dict.fromkeys(chain(*mistaken)))
-        model = _without(model, dropped)
-        found = self._beside(model)
-        best = None if found is None else found.best
-        if found is None or best is None:
-            return tuple(dropped), ()
-        while model.terms:
-            tried, whole = [], self.screen.model(model)
-            for index in range(len(model.terms)):
-                if model.terms[index].name in kept:
-                    continue
-                rest = self.screen.linear(model.without(index))
-                curve = None if rest is None else self.screen.curve(best.coordinate, rest)
-                if rest is None or curve is None or whole is None:
-                    continue
-                loss, error = _compare(curve.prediction, best.prediction)
-                work = self.screen.predict(rest).energy - whole.energy
-                tried.append((loss - max(found.margin(error), _TAKEN * work), index))
-            excess, index = min(tried, default=(math.inf, 0))
-            if excess > 0.0:
-                break
-            dropped.append(model.terms[index].name)
-            model = model.without(index)
-        found = self._beside(model) if dropped else found
-        if found is None or found.gained < LITTLE * (self.opened.energy - self.screen.floor):
-            return tuple(dropped), ()
-        return tuple(dropped), found.unlisted(self.screen.loop.name)
-
-    def beat(self, before: AxisModel, after: AxisModel) -> bool:
-        """Whether a curve beside a model is the answer, and not the effect that was added to it.
-
-        Args:
-            before: the model.
-            after: with the effect.
-        """
-        found, whole = self._beside(before), self.screen.model(after)
-        best = None if found is None else found.best
-        if best is None or whole is None or self.screen.closed(best.prediction) < ENOUGH:
-            return False
-        return self._is_better(best.prediction, whole)
-
-    def complement(self, model: AxisModel) -> Curve | None:
-        """The curve that explains together with a model what neither explains alone.
-
-        Both predict other moves better than any curve alone, and not by chance.
-        """
-        found = self._beside(model) if self.curves else None
-        best = None if found is None else found.best
-        if found is None or best is None:
-            return None
-        is_better = self._is_better(best.prediction, self.curves[0].prediction)
-        return best if is_better else None
-
-    def _is_better(self, one: Prediction, other: Prediction) -> bool:
-        """Whether one predicts other moves better, by what matters and not by chance."""
-        gained = other.energies - one.energies
-        return gained.sum() > _FAINT * self.screen.floor and is_certain(gained[gained != 0.0])
-
-    def keep_beside(self, model: AxisModel, curve: Curve) -> bool:
-        """Whether a model beside a curve keeps its names against a second curve there."""
-        alone, linear = self.screen.curve(curve.coordinate), self.screen.linear(model)
-        whole = None if linear is None else self.screen.curve(curve.coordinate, linear)
-        if alone is None or whole is None:
-            return False
-        if alone.prediction.energy <= NEAR * self.screen.floor:
-            return True  # it leaves nothing along the motion
-        second = _curves(self.screen, COORDINATES, self.screen.as_linear(curve))
-        excess, error = _compare(whole.prediction, second[0].prediction)
-        return excess <= Rivals(self.screen, second, alone.prediction).margin(error)
-
-    def hidden(self, model: AxisModel) -> tuple[str, ...]:
-        """Effects of a model that do not show along the motion, as mass and dead time."""
-        whole = self.screen.model(model)
-        losses = [] if whole is None else _losses(self.screen, model, whole)
-        least = _FAINT * self.screen.floor
-        pairs = zip(model.names(), losses, strict=False)
-        return tuple(name for name, loss in pairs if loss <= least)
-
-    def _beside(self, model: AxisModel) -> Rivals | None:
-        """The curves beside a model; None where it cannot be simulated, or leaves little."""
-        linear = self.screen.linear(model)
-        alone = None if linear is None else self.screen.predict(linear)
-        if alone is None:
-            return None
-        if alone.energy <= NEAR * self.screen.floor and not self._is_clearly_better(alone):
-            return None
-        return Rivals(self.screen, _curves(self.screen, COORDINATES, linear), alone)
-
-    def _is_clearly_better(self, prediction: Prediction) -> bool:
-        """Whether the best curve predicts clearly better than something else."""
-        if self.best is None:
-            return False
-        excess, error = _compare(prediction, self.best.prediction)
-        return excess > _CLEARLY * error
 
     def unlisted(self, axis: str) -> tuple[Unlisted, ...]:
         """The coordinate that the force depends on, and those that could take its place."""
@@ -360,7 +196,7 @@ class Rivals:
             return ()
         odds, alike = [], []
         for curve in self.curves:
-            excess, error = _compare(curve.prediction, best.prediction)
+            excess, error = compare(curve.prediction, best.prediction)
             odds.append(math.exp(-0.5 * (excess / max(self.margin(error), 1e-9)) ** 2))
             if curve is not best and excess <= self.margin(error):
                 alike.append(curve.coordinate.over)
@@ -391,11 +227,6 @@ class Rivals:
         return min(max(error, LITTLE * gap), _MUCH * gap)
 
 
-def _without(model: AxisModel, names: Sequence[str]) -> AxisModel:
-    """A model without effects."""
-    return replace(model, terms=tuple(term for term in model.terms if term.name not in names))
-
-
 def find_period(curve: Curve) -> float:
     """Distance after which a curve repeats itself, in its coordinate's unit; 0 where it does not.
 
@@ -418,19 +249,19 @@ def find_period(curve: Curve) -> float:
 
 def harmonics(model: AxisModel) -> list[str]:
     """Names of the waves over position whose pitch is a half or a third of another one's."""
-    pitches = _pitches(model)
+    found = pitches(model)
     return [
         name
-        for name, pitch in pitches.items()
+        for name, pitch in found.items()
         if any(
             abs(order * pitch / other - 1.0) < _IN_TUNE
-            for other in pitches.values()
+            for other in found.values()
             for order in (2, 3)
         )
     ]
 
 
-def _pitches(model: AxisModel) -> dict[str, float]:
+def pitches(model: AxisModel) -> dict[str, float]:
     """Effect -> its pitch [m], of those that are waves over position."""
     return {
         term.name: value
@@ -450,10 +281,10 @@ def count_shown(screen: Screen, model: AxisModel, whole: Prediction, margin: flo
         whole: what it predicts.
         margin: energy.
     """
-    return sum(loss > margin for loss in _losses(screen, model, whole))
+    return sum(loss > margin for loss in losses(screen, model, whole))
 
 
-def _losses(screen: Screen, model: AxisModel, whole: Prediction) -> list[float]:
+def losses(screen: Screen, model: AxisModel, whole: Prediction) -> list[float]:
     """Energy that a model leaves more without each of its effects.
 
     Those within the control loop do not show along a motion, nor does a mass beside what goes with
@@ -476,18 +307,18 @@ def find_rivals(screen: Screen) -> Rivals:
     """
     if screen.samples < _FEWEST:
         return Rivals(screen, ())
-    curves = _curves(screen, COORDINATES)
+    curves = fit_curves(screen, COORDINATES)
     if screen.closed(curves[0].prediction) < ENOUGH:
-        curves = _ranked([*curves, *_curves(screen, WAVES)])
+        curves = _ranked([*curves, *fit_curves(screen, WAVES)])
     best, closed = curves[0].coordinate, screen.closed(curves[0].prediction)
     closer = NARROW if best.along == "position" or closed < MOST else ()
     if closed > ENOUGH:  # what its nodes are too far apart for is all that is left
         closer += tuple(each for each in CLOSER if each.over == best.over)
-    curves = _ranked([*curves, *_curves(screen, closer)])
+    curves = _ranked([*curves, *fit_curves(screen, closer)])
     return Rivals(screen, curves)
 
 
-def _curves(
+def fit_curves(
     screen: Screen, over: Sequence[Coordinate], beside: Linear | None = None
 ) -> list[Curve]:
     """The best curve over each coordinate, best first."""
@@ -503,7 +334,7 @@ def _ranked(curves: Sequence[Curve]) -> list[Curve]:
     return list(ranked.values())
 
 
-def _compare(one: Prediction, other: Prediction) -> tuple[float, float]:
+def compare(one: Prediction, other: Prediction) -> tuple[float, float]:
     """By how much the first leaves more energy, and the standard error of that over blocks."""
     change = one.energies - other.energies
     blocks = np.add.reduceat(change, np.arange(0, len(change), _MOVES))

@@ -117,7 +117,7 @@ class Curves:
     def leave_names(self, models):
         return any(model.names() in self.left for model in models)
 
-    def beside(self, model, kept):
+    def doubts(self, model, kept):
         return tuple(name for name in self.needless if name not in kept), ()
 
 
@@ -130,11 +130,12 @@ def test_what_several_effects_cannot_keep_the_first_may(two_steps):
         (Curves(), offset),
         (Curves(offset), offset),
     ]:
-        found, keeps, untaken = named(two_steps, curves)
+        found, keeps, untaken = named(two_steps, curves, curves)
         assert (found.best.model.names(), keeps, untaken) == (names, True, offset)
         assert [step.effects for step in found.steps][-1] == names
     early = [replace(step, closed=0.8) for step in two_steps.steps]
-    found, keeps, _ = named(replace(two_steps, steps=early), Curves(offset))
+    curves = Curves(offset)
+    found, keeps, _ = named(replace(two_steps, steps=early), curves, curves)
     assert (found.best.model.names(), keeps) == (both, False)
 
 

@@ -13,7 +13,7 @@ from sim2real.blind.unlisted_effects import unlisted
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.rivals import Screen, describe_force, find_rivals
+from sim2real.rivals import Beside, Screen, describe_force, find_rivals
 from sim2real.rivals.coordinates import Coordinate, stop_operators
 from sim2real.rivals.decision import Rivals, count_shown, find_period, harmonics
 from sim2real.rivals.grouped_fit import Prediction
@@ -236,7 +236,7 @@ def test_beside_names_a_coordinate_has_to_close_a_fiftieth_of_the_whole_gap(nomi
     rivals.screen.blocks = np.arange(20)
     rivals.screen.loop.name = "x"
     one = AxisModel(np.zeros(NUISANCES), (Term(library()["force_offset"], (1.5,)),))
-    dropped, unlisted = rivals.beside(one, kept=one.names())
+    dropped, unlisted = Beside(rivals).doubts(one, kept=one.names())
     assert dropped == ()
     assert [found.over for found in unlisted] == (["velocity"] if given else [])
 
@@ -398,7 +398,7 @@ def test_a_name_that_partly_stands_for_a_function_of_time_goes(easing_beside_cog
     screen, cogging = easing_beside_cogging
     level = Term(library()["coulomb_level"], (1.15,))
     model = screen.loop.start.added(cogging).added(level)
-    doubted, (found,) = find_rivals(screen).beside(model)
+    doubted, (found,) = Beside(find_rivals(screen)).doubts(model)
     assert doubted == ("coulomb_level",)
     assert (found.over, found.times) == ("time", "friction")
     assert found.gap_closed > 0.8
@@ -407,15 +407,15 @@ def test_a_name_that_partly_stands_for_a_function_of_time_goes(easing_beside_cog
 def test_a_name_and_a_curve_may_explain_what_neither_does_alone(easing_beside_cogging):
     screen, cogging = easing_beside_cogging
     rivals, start = find_rivals(screen), screen.loop.start
-    curve = rivals.complement(start.added(cogging))
+    curve = Beside(rivals).complement(start.added(cogging))
     assert curve is not None
     assert (curve.coordinate.over, curve.coordinate.times) == ("time", "friction")
-    assert rivals.keep_beside(start.added(cogging), curve)
+    assert Beside(rivals).keep(start.added(cogging), curve)
     spring = start.added(Term(library()["cable_stiffness"], (20.0, 0.0)))
-    assert rivals.complement(spring) is None
-    assert not rivals.keep_beside(spring, curve), "a curve over position does better"
+    assert Beside(rivals).complement(spring) is None
+    assert not Beside(rivals).keep(spring, curve), "a curve over position does better"
     oil = Term(library()["viscous_damping"], (1.1,))
-    assert rivals.beat(start.added(cogging), start.added(cogging).added(oil))
+    assert Beside(rivals).beat(start.added(cogging), start.added(cogging).added(oil))
 
 
 def test_an_effect_is_no_rival_of_what_was_found_before_it(screen_of):
@@ -428,9 +428,9 @@ def test_an_effect_is_no_rival_of_what_was_found_before_it(screen_of):
 
     rivals = find_rivals(screen_of(both, size=1.0))
     start = rivals.screen.loop.start
-    assert not rivals.beat(start.added(cogging), start.added(cogging).added(oil))
-    assert not rivals.beat(start.added(oil), start.added(oil).added(cogging))
-    assert rivals.taken_together(start.added(oil).added(cogging)) == ()
+    assert not Beside(rivals).beat(start.added(cogging), start.added(cogging).added(oil))
+    assert not Beside(rivals).beat(start.added(oil), start.added(oil).added(cogging))
+    assert Beside(rivals).taken_together(start.added(oil).added(cogging)) == ()
 
 
 def test_two_of_three_effects_that_one_curve_replaces_are_taken(screen_of):
@@ -445,10 +445,10 @@ def test_two_of_three_effects_that_one_curve_replaces_are_taken(screen_of):
     model = rivals.screen.loop.start.added(cogging)
     oil = Term(library()["viscous_damping"], (1.6,))
     level = Term(library()["coulomb_level"], (0.9,))
-    assert rivals.taken_together(model.added(oil)) == (), "no curve does what both do"
+    assert Beside(rivals).taken_together(model.added(oil)) == (), "no curve does what both do"
     imitated = model.added(oil).added(level)
-    assert rivals.taken_together(imitated) == ("viscous_damping", "coulomb_level")
-    doubted, (found,) = rivals.instead_of_some(imitated)
+    assert Beside(rivals).taken_together(imitated) == ("viscous_damping", "coulomb_level")
+    doubted, (found,) = Beside(rivals).doubts_of_complete(imitated)
     assert doubted == ("viscous_damping", "coulomb_level")
     assert found.over == "velocity"
     assert found.gap_closed > 0.9
@@ -511,7 +511,7 @@ def test_what_the_shape_of_a_name_lacks_is_no_other_effect(screen_of):
     rivals = find_rivals(screen_of(tent, size=0.5))
     start = rivals.screen.loop.start
     assert rivals.leave_names([start.added(bell)], leaves_structure=False)
-    assert "coulomb_level" in rivals.beside(start.added(bell).added(level))[0]
+    assert "coulomb_level" in Beside(rivals).doubts(start.added(bell).added(level))[0]
 
 
 def test_a_small_effect_that_no_curve_predicts_keeps_its_name(screen_of):
@@ -526,14 +526,14 @@ def test_a_small_effect_that_no_curve_predicts_keeps_its_name(screen_of):
 
     rivals = find_rivals(screen_of(both, size=1.0))
     model = rivals.screen.loop.start.added(terms[0]).added(terms[1])
-    assert rivals.beside(model) == ((), ())
+    assert Beside(rivals).doubts(model) == ((), ())
 
 
 def test_names_stay_where_no_curve_adds_anything(screen_of):
     effect, values = library()["cogging"], (1.5, 0.03, 0.0)
     screen = screen_of(effect, amplitude=1.5, pitch=0.03, phase=0.0)
     model = screen.loop.start.added(Term(effect, values))
-    assert find_rivals(screen).beside(model) == ((), ())
+    assert Beside(find_rivals(screen)).doubts(model) == ((), ())
 
 
 def test_without_a_gap_there_is_no_coordinate(screen_of):
