@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain, combinations
+from itertools import combinations
 
 from sim2real.findings import Unlisted
 from sim2real.fitting import AxisModel
@@ -25,6 +25,8 @@ from sim2real.scoring.constants import ENOUGH, LITTLE, NEAR
 
 _TAKEN = 0.1
 """Share of what an effect closes that may be lost where a curve takes its place."""
+_FORCES = ("force", "friction")
+"""Groups of effects that show along the motion where they are not small."""
 
 
 class Beside:
@@ -48,8 +50,7 @@ class Beside:
         another effect's shape may lack, in any case. A curve is given where it closes a fiftieth of
         the whole gap.
         """
-        mistaken = (self._rivals.shapes(model), self._misfits(model), self.taken_together(model))
-        dropped = list(dict.fromkeys(chain(*mistaken)))
+        dropped = list(dict.fromkeys([*self._rivals.shapes(model), *self._misfits(model)]))
         model = _without(model, dropped)
         found = self.curves(model)
         best = None if found is None else found.best
@@ -86,7 +87,7 @@ class Beside:
         return (*self._rivals.shapes(model), *together), unlisted
 
     def taken_together(self, model: AxisModel) -> tuple[str, ...]:
-        """Several effects, of which one curve beside the others predicts better than they do.
+        """Several effects of a complete model that one curve beside the others does better than.
 
         Of a wave over position and other effects a curve over something else only has to predict as
         well: in strokes of equal length, what goes with velocity comes back at equal distances.
@@ -94,7 +95,7 @@ class Beside:
         """
         whole = self._screen.model(model) if len(model.terms) > 1 else None
         waves, hidden = pitches(model), self.hidden(model) if whole is not None else ()
-        shown = [name for name in model.names() if name not in hidden]
+        shown = [t.name for t in model.terms if t.effect.group in _FORCES or t.name not in hidden]
         for size in range(len(shown), 1, -1):
             taken: tuple[float, tuple[str, ...]] = -math.inf, ()
             for names in combinations(shown, size):

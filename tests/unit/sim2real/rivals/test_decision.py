@@ -88,13 +88,14 @@ def screen_of(nominal):
     """Curves of axis x of the stage with an effect; None for none."""
     recording, settings = nominal
 
-    def screen(effect=None, read=lambda x: x, **values):
+    def screen(effect=None, read=lambda x: x, demand=None, **values):
         replay = prepare_replay(recording, settings)
+        demand = replay.demand if demand is None else demand
         axes = tuple(
             replace(axis, effects=(effect.at(**values),)) if effect and axis.name == "x" else axis
             for axis in settings.axes
         )
-        run = simulate(replace(settings, axes=axes), replay.demand, replay.offset, seed=3)
+        run = simulate(replace(settings, axes=axes), demand, replay.offset, seed=3)
         signals = {
             name: replace(
                 of, position_actual=read(run.position[:, a]), force_actual=run.force[:, a]
@@ -452,6 +453,30 @@ def test_two_of_three_effects_that_one_curve_replaces_are_taken(screen_of):
     assert doubted == ("viscous_damping", "coulomb_level")
     assert found.over == "velocity"
     assert found.gap_closed > 0.9
+
+
+def test_in_equal_strokes_drag_is_no_viscous_friction_and_cogging(screen_of, nominal):
+    """What goes with velocity comes back at equal distances, with the pitch of the strokes."""
+    replay, length = prepare_replay(*nominal), 8e-3
+    cable = Term(library()["cable_stiffness"], (20.0, 0.0))
+
+    @unlisted(SIZE, over="")
+    def both(ports, p):
+        cable.effect.apply(ports, cable.mapping())
+        drag.apply(ports, {"size": 60.0})
+
+    count = 300
+    share = np.clip(np.arange(count) / 150.0, 0.0, 1.0)
+    stroke = length * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    demand = replay.demand.copy()
+    at = np.minimum(np.arange(len(demand)) // count, 9)
+    demand[:, 0] = -0.04 + length * at + stroke[np.arange(len(demand)) % count]
+    demand[10 * count :, 0] = -0.04 + 10 * length
+    rivals = find_rivals(screen_of(both, demand=demand, size=1.0))
+    oil = Term(library()["viscous_damping"], (1.5,))
+    wave = Term(library()["cogging"], (0.3, length, 0.5 * np.pi))
+    model = rivals.screen.loop.start.added(cable).added(wave).added(oil)
+    assert set(Beside(rivals).taken_together(model)) == {"cogging", "viscous_damping"}
 
 
 def test_a_frequency_beside_a_curve_does_not_weigh_on_its_bends(screen_of):
