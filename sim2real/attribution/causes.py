@@ -191,7 +191,8 @@ def list_candidates(result: AxisResult, causes: Sequence[Cause], gap: float) -> 
     """
     name = result.axis.name
     if not result.scanned and result.free is not None:
-        alone = {s.effects[0]: s.closed for s in result.free.steps if len(s.effects) == 1}
+        steps = () if result.free.of_rest else result.free.steps
+        alone = {s.effects[0]: s.closed for s in steps if len(s.effects) == 1}
         names = sorted(result.best.model.names())
         listed = [Candidate(name, n, result.probability(n)[0], alone.get(n)) for n in names]
         return sorted(listed, key=lambda candidate: -candidate.probability)[:SHOWN]

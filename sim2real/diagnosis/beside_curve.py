@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from hil_sim.effects import Effect
 from sim2real.findings import Unlisted
@@ -33,4 +34,6 @@ def search_beside(
     if free.closed < ENOUGH or not free.names_causes() or not beside.keep(model, curve):
         return None
     doubted, unlisted = beside.doubts(model, beside.hidden(model))
-    return None if len(doubted) == len(model.terms) else (free, doubted, unlisted)
+    if len(doubted) == len(model.terms):
+        return None
+    return replace(free, of_rest=True), doubted, unlisted

@@ -49,9 +49,8 @@ from sim2real.tracking import Tracker
 
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
-
 _SAME_OVER = dict.fromkeys(("acceleration", "force", "frequency"), ("mass", "motor"))
-"""Coordinate -> groups of effects that a curve over it is not told from."""
+"""Coordinate -> groups of effects that are part of a curve over it."""
 _BELL = ["size", "place", "shape"]
 """Roles of the parameters of an effect that acts around one place."""
 

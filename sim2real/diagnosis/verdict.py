@@ -298,7 +298,7 @@ def _steps(results: Mapping[str, AxisResult]) -> tuple[SelectionStep, ...]:
     return tuple(
         SelectionStep(axis, step.added, step.effects, step.closed, step.uncertainty)
         for axis, result in results.items()
-        if result.free is not None and result.best.model.terms
+        if result.free is not None and result.best.model.terms and not result.free.of_rest
         for step in result.free.steps
     )
 

@@ -46,7 +46,7 @@ class FreeLoop:
         settings: of the machine file.
         tolerance: relative standard deviation of the base parameters.
         workers: threads that the simulations are shared among.
-        known: a force besides the models' in each recording, float64[K] [N]; None for none.
+        known: a force besides the models' in each recording, float64[K] each [N]; may be none.
 
     Attributes:
         axis: of the machine file.
@@ -183,6 +183,7 @@ class FreeLoop:
         return response.position[:, self._at], response.force[:, self._at]
 
     def _beside_known(self, number: int, axis: AxisSettings) -> AxisSettings:
+        """An axis with the force that is known in a recording."""
         return replace(axis, effects=(*axis.effects, *self._known[number : number + 1]))
 
     def _simulated(self, number: int, variants: list[AxisSettings]) -> list[F64]:

@@ -76,6 +76,7 @@ class FreeSearch:
         open_gap: squared gap over floor of the machine file.
         steps: of the selection.
         scores: names of a set of effects that was fitted -> its score.
+        of_rest: what it closes is a share of what a curve leaves, that is known beside the effects.
     """
 
     loop: FreeLoop
@@ -84,6 +85,7 @@ class FreeSearch:
     open_gap: float
     steps: list[Step] = field(default_factory=list)
     scores: dict[tuple[str, ...], float] = field(default_factory=dict)
+    of_rest: bool = False
 
     @property
     def closed(self) -> float:

@@ -153,6 +153,7 @@ def test_an_effect_beside_a_force_on_no_list_keeps_its_name(nominal):
     assert report.causes[0].parameters["ratio"].value == pytest.approx(1.6, abs=0.05)
     assert [(u.axis, u.over) for u in report.unlisted] == [("x", "position_direction")]
     assert report.verdict == "partly_explained"
+    assert report.steps == ()
 
 
 @pytest.mark.slow

@@ -93,6 +93,7 @@ def test_a_mass_beside_a_force_on_no_list_keeps_its_name(nominal):
     assert found.report.verdict == "partly_explained"
     assert found.report.causes[0].parameters["mass"].value == pytest.approx(0.8, abs=0.1)
     assert [(u.axis, u.over) for u in found.report.unlisted] == [("x", "position_direction")]
+    assert found.report.steps == (), "of the whole gap, and the search saw what the curve leaves"
 
 
 @pytest.mark.slow
