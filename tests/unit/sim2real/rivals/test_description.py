@@ -8,9 +8,10 @@ import pytest
 from hil_sim.effects.residual_table import ResidualTable
 from sim2real.findings import ForceCurve, Unlisted, finding_json
 from sim2real.open_loop import MotionLoop, compare_along, measure_motion
-from sim2real.rivals import describe_force
+from sim2real.rivals import describe_force, find_rivals
 from tests.unit.sim2real.open_loop.test_motion import imported
 from tests.unit.sim2real.other_machines import TOOL, sliding, strokes
+from tests.unit.sim2real.rivals.forces import drag, splinter, square_loss
 
 KNOWN = ("300", "250", "400")
 
@@ -215,3 +216,34 @@ def test_an_axis_that_moves_in_every_other_pair_of_strokes_is_described(tmp_path
     )
     found = description(motion, stage)
     assert found.gap_closed > 0.8
+
+
+def test_a_loss_goes_on_straight_beyond_the_forces_recorded(screen_of):
+    screen = screen_of(square_loss, size=0.004)
+    force = describe_force(screen.loop, find_rivals(screen).unlisted("x"))[0].force
+    slopes = np.diff(force.lost) / np.diff(force.motor_force)
+    assert (slopes[0], slopes[-1]) == pytest.approx((slopes[1], slopes[-2]))
+    _, highest = screen.extent("force")
+    assert force.motor_force[-1] > 1.2 * highest
+
+
+def test_the_simplest_description_is_the_known_coordinate_alone(screen_of):
+    """Curves over others follow what is this recording's own, such as the wander of friction."""
+    screen = screen_of(splinter, size=3.0)
+    simplest, *others = (
+        each.force for each in describe_force(screen.loop, find_rivals(screen).unlisted("x"))
+    )
+    assert max(simplest.always) == pytest.approx(3.0, rel=0.15)
+    assert set(simplest.coulomb) == {1.0}
+    assert not any(simplest.over_velocity)
+    assert all(set(force.coulomb) != {1.0} for force in others)
+
+
+def test_a_coordinate_that_closes_little_does_not_say_where_nodes_lie(screen_of):
+    """Nodes as close as its own follow what belongs to the places where the axis came to rest."""
+    screen = screen_of(drag, size=300.0)
+    (found,) = find_rivals(screen_of(splinter, size=3.0)).unlisted("x")
+    fine, *_ = describe_force(screen.loop, [found])
+    coarse = describe_force(screen.loop, [replace(found, gap_closed=0.3)])
+    assert coarse
+    assert all(len(each.force.position) < 15 < len(fine.force.position) for each in coarse)
