@@ -42,7 +42,7 @@ _REPEAT = 1e-6
 _REPEAT_FORCE = 0.5
 """Largest difference in force offset between a move and its repetition [N]."""
 
-_OTHER = 0.1
+OTHER_KIND = 0.1
 """Difference from which moves are of another kind, as a share of the travel or the top speed."""
 
 Int8 = NDArray[np.int8]
@@ -202,6 +202,22 @@ def group_repeated_moves(
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
+def top_speeds(demand: FloatArray, period: float) -> list[float]:
+    """Highest demanded speed of each stroke of an axis [m/s]; micro-moves are left out.
+
+    Args:
+        demand: position demand, float64[K] [m].
+        period: of the samples [s].
+    """
+    phases = split_phases(demand, period)
+    speed = np.abs(phases.velocity)
+    return [
+        float(speed[stroke.start : stroke.end].max())
+        for stroke in phases.strokes
+        if stroke.length > MICRO_LENGTH
+    ]
+
+
 def kinds_of_moves(recording: Recording, spans: Sequence[tuple[int, int]]) -> list[int]:
     """Number of the kind of each of several parts of a recording: kinds differ in place or speed.
 
@@ -228,7 +244,7 @@ def kinds_of_moves(recording: Recording, spans: Sequence[tuple[int, int]]) -> li
         ]
         kind = np.array(figures)
         apart = [float(np.abs(kind - other).max()) for other in kinds]
-        if min(apart, default=math.inf) > _OTHER:
+        if min(apart, default=math.inf) > OTHER_KIND:
             numbers.append(len(kinds))
             kinds.append(kind)
         else:

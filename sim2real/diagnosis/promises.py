@@ -22,7 +22,7 @@ from sim2real.findings import Cause, Unlisted
 from sim2real.fitting import NUISANCES, AxisModel, Term, compose_stage
 from sim2real.held_out import FOLDS, HeldOut, Models, Remaining, combined_energy, share_closed
 from sim2real.open_loop import MotionLoop, measure_motion
-from sim2real.phases import kinds_of_moves, split_moves
+from sim2real.phases import OTHER_KIND, kinds_of_moves, split_moves, top_speeds
 from sim2real.rivals import GROUPS, Description, describe_force
 
 _TOLERANCE = 1e-4
@@ -126,19 +126,29 @@ def _try_beside(
 
 
 def share_promised(
-    held_out: HeldOut, left: Remaining, *, alike: bool = False
+    held_out: HeldOut, left: Remaining, *, widened: bool = False
 ) -> tuple[float | None, tuple[float, float] | None]:
     """Share of the gap that is closed on held-out moves, and its interval.
 
     Args:
         held_out: energies of the moves.
         left: of them, by models.
-        alike: all moves are alike, so that none predicts another kind: the interval is wider.
+        widened: the moves do not show how others go: the lower end of the interval is halved.
     """
     share, interval = share_closed(held_out.before, left.energies, held_out.samples)
-    if alike and interval is not None:
+    if widened and interval is not None:
         return share, (min(interval[0], _OF_OTHERS * interval[0]), interval[1])
     return share, interval
+
+
+def have_one_speed(examined: Examination, axis: str) -> bool:
+    """Whether all strokes of an axis reach the same speed: nothing predicts another one's."""
+    speeds = [
+        speed
+        for m in examined.measured
+        for speed in top_speeds(m.replay.recording.axes[axis].position_demand, m.replay.period)
+    ]
+    return bool(speeds) and min(speeds) > (1.0 - OTHER_KIND) * max(speeds)
 
 
 def are_alike(examined: Examination) -> bool:

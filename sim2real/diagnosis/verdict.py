@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from hil_sim.settings import StageSettings
@@ -19,6 +19,7 @@ from sim2real.diagnosis.plant_figures import settle_figures
 from sim2real.diagnosis.promises import (
     are_alike,
     describe_rest,
+    have_one_speed,
     less_certain,
     only_causes,
     promise,
@@ -57,6 +58,7 @@ _SMALLER = 2.0
 """Largest squared gap over floor per signal that counts as no gap where no cause was found and an
 axis is not complete; with all axes complete it is `NEAR`."""
 _ALIKE = "; all moves are alike, so that less is known of others"
+_ONE_SPEED = "; all strokes of {} reach the same speed, so that less is known of other speeds"
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
 experiment must be able to tell it from another value."""
@@ -131,16 +133,18 @@ def conclude(
     alike = are_alike(examined)
     unlisted = tuple(map(less_certain, _unlisted(results))) if alike else _unlisted(results)
     promised = promise(held_out, models, causes)
-    share, interval = share_promised(held_out, promised.named, alike=alike)
+    share, _ = share_promised(held_out, promised.named)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
         promised = describe_rest(promised, examined, held_out, unlisted)
+    answered = {cause.axis for cause in causes} | {each.axis for each in unlisted}
+    answered |= {force.axis for force in promised.forces}
+    limits = _ALIKE if alike and answered else _say_one_speed(examined, answered)
     plain = report_without_causes(examined)
     report = replace(
         plain,
         verdict=verdict,
-        reason=give_reason(verdict, causes, results, share, examined, whole=whole)
-        + (_ALIKE if alike and (causes or unlisted) else ""),
+        reason=give_reason(verdict, causes, results, share, examined, whole=whole) + limits,
         where=() if verdict == NO_GAP else plain.where,
         candidates=tuple(candidates),
         unlisted=unlisted,
@@ -148,7 +152,7 @@ def conclude(
         steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
     if causes or promised.forces:
-        by_twin, its_interval = share_promised(held_out, promised.twin, alike=alike)
+        by_twin, its_interval = share_promised(held_out, promised.twin, widened=bool(limits))
         report = replace(
             report,
             empirical=promised.forces,
@@ -156,6 +160,7 @@ def conclude(
             gap_closed_by_twin_interval=its_interval,
         )
     if causes:
+        _, interval = share_promised(held_out, promised.named, widened=bool(limits))
         in_sample = None
         if held_out.fitted is not None and is_whole_model:
             in_sample, _ = share_closed(held_out.before, held_out.fitted, held_out.samples)
@@ -183,6 +188,12 @@ def conclude(
     }
     diagnosis = Diagnosis(report, models, _searches(results), steps=steps)
     return _with_twin(diagnosis, examined, held_out) if causes else diagnosis
+
+
+def _say_one_speed(examined: Examination, axes: Collection[str]) -> str:
+    """What to say of axes with an answer whose strokes all have one speed."""
+    slow = [axis for axis in sorted(axes) if have_one_speed(examined, axis)]
+    return _ONE_SPEED.format(" and ".join(slow)) if slow else ""
 
 
 def _twin_models(

@@ -4,7 +4,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim2real.diagnosis.promises import are_alike, find_simplest, less_certain
+from sim2real.diagnosis.promises import (
+    are_alike,
+    find_simplest,
+    have_one_speed,
+    less_certain,
+)
 from sim2real.findings import ForceCurve, Unlisted
 from stagectl.store import read_recording
 from tests.unit.sim2real.conftest import DATA
@@ -50,3 +55,16 @@ def test_a_coordinate_of_moves_that_are_alike_is_less_certain():
     found = less_certain(Unlisted("x", "position", (), 0.9, 0.95, (0.9, 0.97), curve))
     assert found.probability == 0.45
     assert found.gap_closed_interval == (0.45, 0.97)
+
+
+@pytest.mark.parametrize(
+    ("places", "one_speed"),
+    [
+        ((0.0, 0.03, 0.06, 0.09, 0.12), True),
+        ((0.0, 0.03, -0.03, 0.03, 0.06), False),
+        ((0.0, 0.03, 0.0300001, 0.06), True),
+    ],
+)
+def test_strokes_of_equal_length_have_one_speed(places, one_speed):
+    (axis,) = recording(swept(places)).axes
+    assert have_one_speed(examined(recording(swept(places))), axis) is one_speed
