@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+import numpy as np
+
 from hil_sim.settings import AxisSettings
 
 _LEAST_COULOMB = 0.01
@@ -106,8 +108,12 @@ class Parameter:
         if isinstance(value, tuple) != (self.role == "table"):
             return f"must be a {'list of numbers' if self.role == 'table' else 'number'}"
         if isinstance(value, tuple):
-            reasons = ((i, self._refusal(one)) for i, one in enumerate(value, 1))
-            return next((f"value {i}: {reason}" for i, reason in reasons if reason), None)
+            table = np.asarray(value, np.float64)  # a force over time has thousands of values
+            within = (table > self.above) & (table >= self.least) & (table < self.below)
+            refused = np.flatnonzero(~(within & np.isfinite(table)))
+            for i in refused[:1]:
+                return f"value {i + 1}: {self._refusal(value[i])}"
+            return None
         return self._refusal(value)
 
     def _refusal(self, value: float) -> str | None:
