@@ -5,14 +5,14 @@ Values and meaning: docs/reference/reference-stage.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Protocol
 
 from annotated_types import Interval
 
 from hil_sim.habits import Habits
 from hil_sim.quirks import Quirks
-from stagedata import FrictionFigures, angular_unit
+from stagedata import F64, FrictionFigures, angular_unit
 from stagedata.ranges import NotNegative, Positive, check_ranges
 
 SUBSTEPS = 5
@@ -21,6 +21,9 @@ MOST_SUBSTEPS = 1000
 """Most plant steps per control tick that a stiff plant on a slow tick may take."""
 _LONGEST_COARSE_STEP = 2e-4
 """Longest plant step that follows oscillation and stick-slip [s]."""
+
+_FARTHEST = 100.0
+"""Most that a travel is widened by on each side [m]: the memory that tables over it take."""
 
 
 def _require(condition: bool, name: str, reason: str) -> None:
@@ -140,6 +143,18 @@ class AxisSettings:
         check_ranges(self)
         _require(self.travel[0] < self.travel[1], "travel", "must be [lowest, highest]")
 
+    def reaching(self, positions: F64) -> AxisSettings:
+        """The same with a travel that covers these positions, float64[K] [m].
+
+        What goes with position goes on beyond the travel of a log that the limits came from.
+        """
+        low, high = float(positions.min()), float(positions.max())
+        if self.travel[0] <= low and high <= self.travel[1]:
+            return self
+        most, least = self.travel[1] + _FARTHEST, self.travel[0] - _FARTHEST
+        travel = max(min(self.travel[0], low), least), min(max(self.travel[1], high), most)
+        return replace(self, travel=travel)
+
     def unit_of(self, unit: str) -> str:
         """The unit on this axis of what has `unit` on an axis that slides."""
         return angular_unit(unit) if self.rotary else unit
@@ -169,6 +184,11 @@ class StageSettings:
             abs(ratio - round(ratio)) < 1e-6 and round(ratio) >= 1,
             "control_period", "must divide sync_period",
         )  # fmt: skip
+
+    def reaching(self, positions: F64) -> StageSettings:
+        """The same with axes whose travels cover these positions, float64[K, axes] [m]."""
+        axes = tuple(a.reaching(own) for a, own in zip(self.axes, positions.T, strict=True))
+        return self if axes == self.axes else replace(self, axes=axes)
 
     @property
     def control_period(self) -> float:

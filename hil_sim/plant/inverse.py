@@ -69,6 +69,7 @@ def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: b
         raise ValueError(f"velocity and acceleration must have shape {shape}")
     force = np.empty_like(position)
     if len(force):
+        settings = settings.reaching(position)
         arrays = Arrays(settings, position[0].tolist(), len(position) * settings.sync_period)
         if alone and any(ports.involves_another for ports in arrays.ports):
             raise ValueError("a variant has an effect that involves another axis")

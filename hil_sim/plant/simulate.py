@@ -73,6 +73,7 @@ def simulate(
     _check_shapes(len(settings.axes), demand, offset, level)
     if len(demand) == 0:
         return Response(np.empty_like(demand), np.empty_like(demand))
+    settings = settings.reaching(demand)
     duration = len(demand) * settings.sync_period
     running = Simulation(
         settings, (demand[0], offset[0]), seed, rest_force, duration, level, substeps

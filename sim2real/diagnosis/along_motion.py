@@ -15,7 +15,7 @@ import numpy as np
 
 from hil_sim.effects import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.attribution import AxisResult
+from sim2real.attribution import AxisResult, find_causes
 from sim2real.diagnosis.beside_curve import search_beside
 from sim2real.diagnosis.examination import Examination, Progress
 from sim2real.findings import FittedFigure, Unlisted
@@ -27,11 +27,11 @@ from sim2real.fitting import (
     plant_figure,
     with_base,
 )
-from sim2real.free_loop import FreeSearch, fit_figures, move_covariance, search_free
+from sim2real.free_loop import FreeSearch, fit_figures, move_covariance, refit_without, search_free
 from sim2real.held_out import FLOOR_LEVEL, FOLDS, HeldOut, Models, Remaining
 from sim2real.open_loop import FIGURES, MotionLoop, compare_along
 from sim2real.rivals import Beside, Rivals, Screen, find_rivals
-from sim2real.scoring.constants import ENOUGH, OPEN
+from sim2real.scoring.constants import CLOSED, DOUBTED, ENOUGH, OPEN
 
 _UNKNOWN = 0.19
 """Relative standard deviation of a figure that the machine file leaves unknown, around the value
@@ -90,8 +90,45 @@ def search_along_motion(
         loops[name], searches[name] = loop, search_free(loop, sought, advance, plain_first=True)
     progress("effects", 100 * len(names), 100 * len(names))
     results = {name: _result(search, loops[name]) for name, search in searches.items()}
-    kept = {name: result.free or searches[name] for name, result in results.items()}
-    return results, _hold_out(examined, kept)
+    while True:
+        kept = {name: result.free or searches[name] for name, result in results.items()}
+        held_out = _hold_out(examined, kept)
+        doubtful = {name: find_doubtful(result, held_out) for name, result in results.items()}
+        if not any(doubtful.values()):
+            return results, held_out
+        results = {
+            name: _refitted(result, kept[name], effect) if (effect := doubtful[name]) else result
+            for name, result in results.items()
+        }
+
+
+def find_doubtful(result: AxisResult, held_out: HeldOut) -> str | None:
+    """The effect of an axis that is to leave the model; None where none is.
+
+    Of effects that are doubted, it is that which gives back least of the gap: what is left of the
+    others' figures may be no more than its counterpart. Where a curve takes its place, they stay.
+    """
+    names, free = result.best.model.names(), result.free
+    if free is None or free.of_rest or result.unlisted or set(names) <= set(result.doubted):
+        return None
+    causes, _ = find_causes(result, held_out, along_motion=True)
+    doubted = [cause for cause in causes if cause.probability <= DOUBTED]
+    if not doubted or len(names) < 2 or free.closed < CLOSED:
+        return None
+    return min(doubted, key=lambda cause: cause.gap_closed or 0.0).effect
+
+
+def _refitted(result: AxisResult, search: FreeSearch, effect: str) -> AxisResult:
+    """What is found on an axis without an effect."""
+    fewer = refit_without(search, effect)
+    covariance = move_covariance(fewer.loop, fewer.best)
+    return replace(
+        result,
+        best=replace(fewer.best, covariance=covariance),
+        is_complete=fewer.is_near_floor(),
+        free=fewer,
+        doubted=[name for name in result.doubted if name != effect],
+    )
 
 
 def _is_light(examined: Examination, axis: AxisSettings) -> bool:

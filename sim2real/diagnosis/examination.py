@@ -139,6 +139,7 @@ def examine(
     clock = find_common_clock(recordings) if clock is None else clock
     repairs = [repair_samples(recording, settings) for recording in recordings]
     recordings = [recording for recording, _ in repairs]
+    settings = _reaching(settings, recordings)
     repaired = [findings for _, findings in repairs]
     examined = Examination(
         names, _merge_findings(repaired), None, settings,
@@ -152,6 +153,19 @@ def examine(
             reason = _name_recording(recording, recordings, reason)
             return _with_gap(replace(examined, insufficient=reason), recordings, progress)
     return _examine_channels(examined, recordings, repaired, correct, progress)
+
+
+def _reaching(settings: StageSettings, recordings: Sequence[Recording]) -> StageSettings:
+    """The settings with travels that cover where recordings have been."""
+    axes = settings.axes
+    for recording in recordings:
+        axes = tuple(
+            axis.reaching(own.position_actual[own.valid])
+            if (own := recording.axes.get(axis.name)) is not None and own.valid.any()
+            else axis
+            for axis in axes
+        )
+    return replace(settings, axes=axes)
 
 
 def _examine_channels(

@@ -14,4 +14,5 @@ from sim2real.free_loop.search import FreeSearch as FreeSearch
 from sim2real.free_loop.search import fit_alone as fit_alone
 from sim2real.free_loop.search import fit_figures as fit_figures
 from sim2real.free_loop.search import is_certain as is_certain
+from sim2real.free_loop.search import refit_without as refit_without
 from sim2real.free_loop.search import search_free as search_free

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import stdtrit
@@ -341,6 +341,18 @@ def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[Fitted, list[Fitted]]
     """
     fitted = fit_free(loop, model, LONG)
     return fitted, [fit_free(loop, fitted.model, SHORT, train) for train in _training(loop)]
+
+
+def refit_without(search: FreeSearch, effect: str) -> FreeSearch:
+    """A search without one of the effects that it found; the others are fitted anew."""
+    loop, model = search.loop, search.best.model
+    best, folds = fit_figures(loop, model.without(model.names().index(effect)))
+    names = set(best.model.names())
+    search.scores[tuple(sorted(names))] = score(loop, best)
+    held, left = (loop.held_out([f.residual for f in each]) for each in (search.folds, folds))
+    steps = [step for step in search.steps if set(step.effects) < names]
+    steps.append(_step(loop, search.open_gap, best.model, (), (held, left)))
+    return replace(search, best=best, folds=folds, steps=steps)
 
 
 def fit_alone(

@@ -83,7 +83,7 @@ class Replay:
 
     def simulation(self, settings: StageSettings, seed: int | None) -> Simulation:
         """A simulation that starts where this recording does; arguments as of `run`."""
-        settings = replace(settings, start=self.start)
+        settings = replace(settings, start=self.start).reaching(self.demand)
         return Simulation(settings, (self.demand[0], self.offset[0]), seed, self.rest_force)
 
     def go_on(self, simulation: Simulation) -> Signals:

@@ -106,13 +106,18 @@ def diagnose(
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from sim2real.diagnosis import PHASES
     from sim2real.residuals import residuals_json, view_residuals
+    from stagectl.importing.log_machine import load_machine_of
     from stagectl.report import print_outline
     from stagectl.report.gap import diagnosis_outline
     from stagectl.store import read_recording
 
     recorded = [read_recording(path) for path in recordings]
     others = [read_recording(path) for path in checks]
-    model = machine_of(machine, *recorded, fitted=True)
+    model = (
+        machine_of(None, *recorded, fitted=True)
+        if machine is None
+        else load_machine_of(machine, recorded)
+    )
     console = console_for(json_out)
     with progress_bar(console, "reading") as update:
         done = diagnose_recordings(

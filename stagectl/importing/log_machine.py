@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +20,20 @@ from scipy.signal import savgol_filter
 
 from sim2real.gap import quantisation_step
 from stagectl.config.machine import NO_BUS, Homing, Machine, position_unit_for
-from stagectl.config.machine.file import parse_machine
+from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.machine.unknown import UNKNOWN
 from stagectl.config.parsing.units import PositiveTime
 from stagectl.config.parsing.yaml_nodes import load_document
+from stagectl.errors import UnusableInput
 from stagedata import AxisSignals, FloatArray, Recording
 
+_COMPLETED = "# Completed from a log."
 _PERIOD = TypeAdapter(PositiveTime)
 _SECTIONS = ("travel", "limits", "encoder", "drive", "plant")
 _BUS = ("interface", "channel", "bitrate", "sync_period")
 _ANY_PERIOD = 1e-3
+SPARSE = 1.5
+"""Periods between samples beyond which resampling would invent samples."""
 _SMOOTHED = 11
 """Samples over which positions are differentiated."""
 _MARGIN = 0.02
@@ -58,15 +62,19 @@ def load_log_machine(path: Path) -> Machine:
     """
     document = load_document(path)
     data: Any = document.data
-    axes: Any = data.get("axes") if isinstance(data, dict) else None
-    named = isinstance(axes, dict) and all(a is None or isinstance(a, dict) for a in axes.values())
-    if not named or is_complete(data):
+    if not _has_axes(data) or is_complete(data):
         return parse_machine(document.text, document.name, fitted=True)
     still = np.array([0.0, 1.0])
     signals = AxisSignals(still, still, still, still, None, still > -1.0)
-    machine = _parsed(data, dict.fromkeys(axes, signals), _ANY_PERIOD, str(path))
+    machine = _parsed(data, {axis: [signals] for axis in data["axes"]}, _ANY_PERIOD, str(path))
     machine.attach(document, machine.unknown)
     return machine
+
+
+def _has_axes(data: Any) -> bool:
+    """Whether a machine file names axes, whatever it says of them."""
+    axes: Any = data.get("axes") if isinstance(data, dict) else None
+    return isinstance(axes, dict) and all(a is None or isinstance(a, dict) for a in axes.values())
 
 
 def is_complete(data: Any) -> bool:
@@ -76,21 +84,64 @@ def is_complete(data: Any) -> bool:
     return has_bus and all(axis and set(_SECTIONS) <= set(axis) for axis in axes)
 
 
-def completed(given: Any, recording: Recording, period: float) -> Machine:
-    """The machine of a file with what it leaves out as a recording has it.
+def load_machine_of(path: Path, logs: Sequence[Recording]) -> Machine:
+    """The machine of a file; what it leaves out is taken from the logs that are fitted together.
+
+    Args:
+        path: of the file.
+        logs: recordings that were imported, or others: these need a file that says all.
+
+    Raises:
+        ConfigError: the file cannot be used; one line per problem.
+        UnusableInput: it leaves something out, and a log has other axes.
+    """
+    given: Any = load_document(path).data
+    is_of_logs = all(log.machine.startswith(_COMPLETED) for log in logs)
+    if not is_of_logs or not _has_axes(given) or is_complete(given):
+        return load_machine(path, fitted=True)
+    load_log_machine(path)  # names what is wrong by the lines of the file
+    for log in logs:
+        if set(log.axes) != set(given["axes"]):
+            own, other = (", ".join(sorted(axes)) for axes in (given["axes"], log.axes))
+            raise UnusableInput(f"{path}: has axes {own}, {log.source} {other}")
+    return completed(given, logs, own_period(logs[0].time, logs[0].source))
+
+
+def own_period(time: FloatArray, name: str) -> float:
+    """Distance of the samples, holes left out [s].
+
+    Args:
+        time: of the samples, float64[K] [s].
+        name: of their file.
+
+    Raises:
+        UnusableInput: there are fewer than two.
+    """
+    steps = np.diff(time)
+    if not len(steps):
+        raise UnusableInput(f"{name}: {len(time)} samples")
+    usual = steps[steps < SPARSE * np.median(steps)]
+    return float(f"{float(usual.mean() if len(usual) else steps[0]):.7g}")
+
+
+def completed(given: Any, recordings: Sequence[Recording], period: float) -> Machine:
+    """The machine of a file with what it leaves out as recordings have it.
 
     Args:
         given: values of the file.
-        recording: of its machine.
+        recordings: of its machine.
         period: of the samples [s].
 
     Raises:
         ConfigError: what the file says does not go with the log; one line per problem.
     """
-    return _parsed(given, recording.axes, period, f"{recording.source}: the machine file")
+    signals = {axis: [own.axes[axis] for own in recordings] for axis in given["axes"]}
+    return _parsed(given, signals, period, f"{recordings[0].source}: the machine file")
 
 
-def _parsed(given: Any, signals: Mapping[str, AxisSignals], period: float, name: str) -> Machine:
+def _parsed(
+    given: Any, signals: Mapping[str, Sequence[AxisSignals]], period: float, name: str
+) -> Machine:
     bus = {"interface": NO_BUS, "channel": "log", "bitrate": 1_000_000, "sync_period": period}
     data = copy.deepcopy(given)
     own_bus = data.get("bus") or {}
@@ -100,7 +151,7 @@ def _parsed(given: Any, signals: Mapping[str, AxisSignals], period: float, name:
     for number, (axis, own) in enumerate(data["axes"].items(), start=1):
         data["axes"][axis] = _axis(own or {}, number, signals[axis], period)
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=100)
-    return parse_machine(f"# Completed from a log.\n{text}", name, fitted=True)
+    return parse_machine(f"{_COMPLETED}\n{text}", name, fitted=True)
 
 
 def stated_period(data: Any) -> float | None:
@@ -112,13 +163,16 @@ def stated_period(data: Any) -> float | None:
         return None
 
 
-def _axis(given: Any, number: int, signals: AxisSignals, period: float) -> dict[str, Any]:
+def _axis(given: Any, number: int, signals: Sequence[AxisSignals], period: float) -> dict[str, Any]:
     """An axis of a machine file with what it leaves out as its signals have it."""
-    position = signals.position_actual
-    low, high = float(position.min()), float(position.max())
+    positions = [own.position_actual for own in signals]
+    low, high = min(float(p.min()) for p in positions), max(float(p.max()) for p in positions)
     span = (high - low) or 1.0
-    speed, rate = (_largest_rate(position, order, period) or 1.0 for order in (1, 2))
-    force = float(np.abs(signals.force_actual).max()) or 1.0
+    speed, rate = (
+        max(_largest_rate(p, order, period) for p in positions) or 1.0 for order in (1, 2)
+    )
+    force = max(float(np.abs(own.force_actual).max()) for own in signals) or 1.0
+    increment = min(quantisation_step(p) or _FINEST * span for p in positions)
     velocity, acceleration = _rounded(1.2 * speed), _rounded(1.5 * rate)
     reach = max(abs(low), abs(high)) + _MARGIN * span
     own = given.get("drive") or {}
@@ -144,7 +198,7 @@ def _axis(given: Any, number: int, signals: AxisSignals, period: float) -> dict[
             "following_error": _rounded(0.1 * span),
             "position_window": _rounded(1e-3 * span),
         },
-        "encoder": {"increment": quantisation_step(position) or _FINEST * span, "noise": 0.0},
+        "encoder": {"increment": increment, "noise": 0.0},
         "homing": {
             "velocity": min(velocity, Homing().velocity),
             "index_velocity": min(velocity, Homing().index_velocity),

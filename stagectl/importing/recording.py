@@ -20,15 +20,19 @@ from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagectl.importing.columns import Columns
 from stagectl.importing.import_map import TIMES, AxisColumns, Column, ImportMap, unit_factor
-from stagectl.importing.log_machine import completed, is_complete, stated_period
+from stagectl.importing.log_machine import (
+    SPARSE,
+    completed,
+    is_complete,
+    own_period,
+    stated_period,
+)
 from stagectl.store.hdf5 import MAX_SAMPLES
 from stagedata import AxisSignals, Move, Recording
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 _OFF_PERIOD = 0.1
-_SPARSE = 1.5
-"""SYNC periods between samples beyond which resampling would invent samples."""
 _LEAST_KEPT = 0.005
 """Smallest share of the rows that resampling may keep."""
 _HOLE = 2.5
@@ -55,7 +59,7 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
     files = {"": _read(path, how.preamble, how.time, period, how)}
     is_stated = stated_period(given) is not None
     if not is_stated:
-        period = _own_period(files[""].time, path)
+        period = own_period(files[""].time, str(path))
     for name, other in how.files.items():
         files[name] = _read(path.parent / other.path, other.preamble, other.time, period, how)
     first = files[""]
@@ -75,18 +79,9 @@ def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
         raise UnusableInput(f"{path}: {len(time)} samples")
     found = Recording(machine.text, "", "", time, axes, (), str(path))
     if not is_complete(given):
-        machine = completed(given, found, period)
+        machine = completed(given, [found], period)
         found = replace(found, machine=machine.text)
     return replace(found, moves=_moves(found, machine, period))
-
-
-def _own_period(time: FloatArray, path: Path) -> float:
-    """Distance of the samples, holes left out [s]."""
-    steps = np.diff(time)
-    if not len(steps):
-        raise UnusableInput(f"{path}: {len(time)} samples")
-    usual = steps[steps < _SPARSE * np.median(steps)]
-    return float(f"{float(usual.mean() if len(usual) else steps[0]):.7g}")
 
 
 def doubtful_positions(recording: Recording) -> list[str]:
@@ -260,7 +255,7 @@ def _check_rate(time: FloatArray, period: float, path: Path, column: Column | No
     """Samples may be read at fewer times than they were taken, but not at more."""
     usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     kept = int(time[-1] / period + 1e-6) + 1
-    if usual > _SPARSE * period:
+    if usual > SPARSE * period:
         other = f"choose a sync_period of about {usual:.3g} s in the machine file"
         found = f"there are none to read every {period:g} s"
     elif kept < _LEAST_KEPT * len(time):
