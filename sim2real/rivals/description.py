@@ -43,6 +43,8 @@ _LEAST = 0.1
 """Share of the gap below which a description says nothing."""
 _BEYOND = 1.5
 """How far a curve over velocity or force goes on beyond those recorded: friction and drag do."""
+_ONE_WAY = 0.1
+"""Share of the top speed in one direction up to which the other one counts as not recorded."""
 _SLOW = (0.5, 0.14, 0.03)
 """Shares of the top speed on each side of zero below which nodes over velocity are left out."""
 _SMALL = 1e-3
@@ -223,7 +225,8 @@ class _Fit:
         places = np.union1d(where, parts["position"][0])
         always = np.interp(places, *parts["position"])
         against, factor = (np.interp(places, where, heights) for heights in (against, factor))
-        speeds, over_velocity = _continued(*parts["velocity"], self._screen.loop.axis.velocity)
+        velocity = _both_ways(*parts["velocity"])
+        speeds, over_velocity = _continued(*velocity, self._screen.loop.axis.velocity)
         if "force" in parts:
             limit = self._screen.loop.axis.control.peak_force
             parts["force"] = _continued(*_increasing(*parts["force"]), limit)
@@ -246,6 +249,16 @@ def _increasing(at: F64, heights: F64) -> tuple[F64, F64]:
     """A curve without nodes that noise in its heights has moved behind an earlier one."""
     kept = at > np.concatenate(([-np.inf], np.maximum.accumulate(at)[:-1]))
     return at[kept], heights[kept]
+
+
+def _both_ways(at: F64, forces: F64) -> tuple[F64, F64]:
+    """A curve over velocity, odd where one direction was recorded: what resists, resists both."""
+    if min(-at[0], at[-1]) > _ONE_WAY * max(-at[0], at[-1]):
+        return at, forces
+    own = at > 0.0 if at[-1] > -at[0] else at < 0.0
+    both = np.concatenate((-at[own], [0.0], at[own]))
+    order = np.argsort(both)
+    return both[order], np.concatenate((-forces[own], [0.0], forces[own]))[order]
 
 
 def _continued(at: F64, forces: F64, limit: float) -> tuple[F64, F64]:

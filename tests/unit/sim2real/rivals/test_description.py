@@ -7,6 +7,7 @@ import pytest
 
 from hil_sim.effects.residual_table import ResidualTable
 from sim2real.findings import ForceCurve, Unlisted, finding_json
+from sim2real.gap import prepare_replay
 from sim2real.open_loop import MotionLoop, compare_along, measure_motion
 from sim2real.rivals import describe_force, find_rivals
 from tests.unit.sim2real.open_loop.test_motion import imported
@@ -247,3 +248,16 @@ def test_a_coordinate_that_closes_little_does_not_say_where_nodes_lie(screen_of)
     coarse = describe_force(screen.loop, [replace(found, gap_closed=0.3)])
     assert coarse
     assert all(len(each.force.position) < 15 < len(fine.force.position) for each in coarse)
+
+
+def test_drag_of_strokes_one_way_is_described_both_ways(screen_of, nominal):
+    x = prepare_replay(*nominal).demand
+    moved = np.cumsum(np.abs(np.diff(x[:, 0], prepend=x[0, 0])))
+    one_way = np.column_stack((0.1 * moved / moved[-1] - 0.05, x[:, 1]))
+    screen = screen_of(drag, demand=one_way, size=400.0)
+    force = describe_force(screen.loop, find_rivals(screen).unlisted("x"))[0].force
+    at, drags = np.array(force.velocity), np.array(force.over_velocity)
+    assert np.allclose(at, -at[::-1])
+    assert np.allclose(drags, -drags[::-1])
+    fastest = np.abs(at).max() / 1.5
+    assert np.interp(-fastest, at, drags) == pytest.approx(-400.0 * fastest**2, rel=0.2)
