@@ -107,6 +107,18 @@ def test_variants_may_have_motions_of_their_own(nominal):
         assert both[:, number] == pytest.approx(alone[:, 0], abs=1e-12)
 
 
+def test_what_goes_with_position_goes_on_beyond_the_travel(nominal, with_effects, effects):
+    """A log may reach farther than the one that the machine file's travel came from."""
+    stage = with_effects(nominal, effects["cogging"].at(amplitude=2.0, pitch=0.07, phase=0.3))
+    farther = np.linspace(-0.5, 0.5, 400)[:, None] * np.ones(2)
+    motion = farther, np.full_like(farther, 0.1), np.zeros_like(farther)
+    taken = (force_along(stage, motion) - force_along(nominal, motion))[:, 0]
+    expected = 2.0 * np.sin(2.0 * np.pi * farther[:, 0] / 0.07 + 0.3)
+    assert taken == pytest.approx(expected, abs=0.05)
+    short = with_effects(nominal, effects["cogging"].at(amplitude=2.0, pitch=0.07, phase=0.3))
+    assert short.reaching(0.1 * farther) is short
+
+
 def test_motions_of_other_shapes_are_refused(nominal):
     with pytest.raises(ValueError, match="must have shape"):
         force_along(nominal, (np.zeros(5), np.zeros(5), np.zeros(5)))

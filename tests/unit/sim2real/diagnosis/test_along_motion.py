@@ -1,17 +1,20 @@
 """Diagnoses without a controller, on machines whose equations are not the simulator's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import CascadeSettings
+from sim2real.attribution import AxisResult
 from sim2real.diagnosis import diagnose, examine, examine_others, judge_elsewhere
-from sim2real.diagnosis.along_motion import named
+from sim2real.diagnosis.along_motion import find_doubtful, named
 from sim2real.diagnosis.clock import find_common_clock
+from sim2real.findings import ForceCurve, Unlisted
 from sim2real.fitting import Term, Workers
-from sim2real.free_loop import fit_figures, search_free
+from sim2real.free_loop import fit_figures, move_covariance, refit_without, search_free
 from sim2real.open_loop import MotionLoop
 from stagectl.config import stage_settings
 from stagectl.importing import import_recording, load_map
@@ -137,6 +140,40 @@ def test_what_several_effects_cannot_keep_the_first_may(two_steps):
     curves = Curves(offset)
     found, keeps, _ = named(replace(two_steps, steps=early), curves, curves)
     assert (found.best.model.names(), keeps) == (both, False)
+
+
+@pytest.fixture(scope="module")
+def pull_and_spring(two_steps):
+    """A constant force beside a spring that may be centered anywhere: neither has a figure."""
+    loop = two_steps.loop
+    spring = Term(library()["cable_stiffness"], (150.0, 0.9))
+    best, folds = fit_figures(loop, two_steps.steps[0].model.added(spring))
+    return replace(two_steps, best=best, folds=folds)
+
+
+def test_what_is_doubted_leaves_the_model_and_the_rest_is_fitted_anew(pull_and_spring):
+    alone = refit_without(pull_and_spring, "cable_stiffness")
+    assert alone.best.model.names() == ("force_offset",)
+    assert [step.effects for step in alone.steps] == [("force_offset",)]
+    assert alone.best.model.terms[0].values[0] == pytest.approx(80.0, rel=0.02)
+    assert alone.closed > 0.95
+
+
+def test_of_two_that_are_doubted_the_one_that_gives_back_less_leaves(pull_and_spring):
+    loop, best = pull_and_spring.loop, pull_and_spring.best
+    best = replace(best, covariance=move_covariance(loop, best))
+    result = AxisResult(axis=loop.axis, spread=loop.spread, best=best, free=pull_and_spring)
+    shares = {"force_offset": 0.9, "cable_stiffness": 0.001}
+
+    def given_back(_, index):
+        share = shares[best.model.names()[index]]
+        return share, (share, share)
+
+    held_out = SimpleNamespace(given_back=given_back)
+    assert find_doubtful(result, held_out) == "cable_stiffness"
+    curve = Unlisted("a", "position", (), 0.9, 0.9, (0.8, 1.0), ForceCurve((), (), ()))
+    assert find_doubtful(replace(result, unlisted=[curve]), held_out) is None
+    assert find_doubtful(replace(result, doubted=best.model.names()), held_out) is None
 
 
 @pytest.mark.slow

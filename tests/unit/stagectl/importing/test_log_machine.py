@@ -8,6 +8,7 @@ import pytest
 from stagectl.config import parse_machine
 from stagectl.errors import ConfigError, UnusableInput
 from stagectl.importing import import_recording, load_map
+from stagectl.importing.log_machine import load_machine_of
 from tests.unit.sim2real.other_machines import BELT, ROBOT, TOOL, strokes
 
 LOG = "machine: press\naxes:\n  a:\n    plant: {mass: unknown, friction: unknown}\n"
@@ -71,6 +72,24 @@ def test_what_it_says_stays(tmp_path):
     _, machine = imported(SHORT, tmp_path, text)
     a = machine.axes["a"]
     assert (a.travel, a.rotary, a.drive.rated_force) == ((-1.0, 2.0), True, 2000.0)
+
+
+def test_logs_that_are_fitted_together_complete_a_file_together(tmp_path):
+    """Each has been elsewhere, at another speed."""
+    for name in ("slow", "far"):
+        (tmp_path / name).mkdir()
+    slow, _ = imported(SHORT, tmp_path / "slow")
+    moved = SHORT.motion
+    far, of_far = imported(replace(SHORT, motion=lambda t: 2.0 * moved(t)), tmp_path / "far")
+    file = tmp_path / "slow" / "machine.yaml"
+    both = load_machine_of(file, [slow, far]).axes["a"]
+    assert both.travel == of_far.axes["a"].travel
+    assert both.limits == of_far.axes["a"].limits
+    other = replace(far, axes={"b": far.axes["a"]}, moves=())
+    with pytest.raises(UnusableInput, match=r"machine\.yaml: has axes a, .* b$"):
+        load_machine_of(file, [slow, other])
+    with pytest.raises(ConfigError, match="missing"):
+        load_machine_of(file, [replace(slow, machine="of a run")])
 
 
 def test_any_mass_may_be_stated(tmp_path):
