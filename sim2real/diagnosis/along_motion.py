@@ -87,7 +87,7 @@ def search_along_motion(
             for n, effect in library.items()
             if effect.searched and n not in same and n not in _BEHIND
         }
-        loops[name], searches[name] = loop, search_free(loop, sought, advance, plain_first=True)
+        loops[name], searches[name] = loop, search_free(loop, sought, advance)
     progress("effects", 100 * len(names), 100 * len(names))
     results = {name: _result(search, loops[name]) for name, search in searches.items()}
     while True:

@@ -28,7 +28,6 @@ from sim2real.scoring import effects_penalty, weigh_effect
 from sim2real.scoring.constants import (
     CHANCE,
     CLOSED,
-    ENOUGH,
     FITTED,
     FLIPS,
     HOPELESS,
@@ -130,7 +129,6 @@ def search_free(
     rival: AxisModel | None = None,
     *,
     most: int = MOST_EFFECTS,
-    plain_first: bool = False,
     is_beaten: Callable[[AxisModel, AxisModel], bool] = lambda *_: False,
 ) -> FreeSearch:
     """Find the effects of an axis.
@@ -141,9 +139,6 @@ def search_free(
         progress: called with the share done.
         rival: effects found otherwise; these are the result where they score better.
         most: effects sought.
-        plain_first: an effect that every machine may have, such as a weight, is preferred to one
-            that does not predict other moves better. By scores alone it is not: where structure is
-            left, they take any difference for information.
         is_beaten: whether something else explains what a model (the first one) leaves, better than
             the effect does that was added to it (the second one). Then the search ends.
     """
@@ -164,8 +159,6 @@ def search_free(
         current = selection.look_back(new)
         folds = fit_folds(loop, current.model, folds)
         remaining = loop.held_out([fold.residual for fold in folds])
-        if plain_first:
-            current, folds, remaining = selection.prefer_plain(current, folds, (held, remaining))
         names, before = current.model.names(), search.best.model.names()
         progress(len(names) / most)
         if _fall(loop, held, remaining)[0] < VISIBLE or not is_certain(held - remaining):
@@ -252,64 +245,6 @@ class _Selection:
             if swapped is not None and score(self._loop, swapped) < score(self._loop, fitted):
                 fitted = swapped
         return fitted
-
-    def prefer_plain(
-        self, fitted: Fitted, folds: list[Fitted], energies: tuple[F64, F64]
-    ) -> tuple[Fitted, list[Fitted], F64]:
-        """The model with each effect replaced by a plain one that predicts as well.
-
-        Plain effects may have any size (`Effect.any_size`). Both explain alike then: their scores
-        differ by their penalties alone.
-
-        Args:
-            fitted: the model.
-            folds: fits of the same effects to all moves but a fold's.
-            energies: of the held-out moves before this step, and with these effects.
-
-        Returns:
-            The model, its folds and the energies of the held-out moves.
-        """
-        before, remaining = energies
-        for term in fitted.model.terms:
-            if term.effect.any_size:
-                continue
-            fewer = fitted.model.without(fitted.model.names().index(term.name))
-            if not self._loop.allows(fewer):
-                continue
-            alone = self.fit(fewer, SHORT)
-            for other in sorted(self._promising - set(fitted.model.names())):
-                effect = self._library[other]
-                if not effect.any_size or len(effect.parameters) > len(term.values):
-                    continue
-                starts, base_columns = self._candidates(alone, [other])
-                swapped = self._best_of(alone, starts[:RIVALS], base_columns)
-                if swapped is None or not self._takes_place(swapped, fitted, alone):
-                    continue
-                tried = fit_folds(self._loop, swapped.model, folds)
-                left = self._loop.held_out([fold.residual for fold in tried])
-                lost = float((left - remaining).sum())
-                if left.sum() >= before.sum() or (lost > 0.0 and is_certain(left - remaining)):
-                    continue
-                axis, own = self._loop.axis, score(self._loop, fitted)
-                penalty = effects_penalty(swapped.model, axis) - effects_penalty(fitted.model, axis)
-                as_well = own + penalty
-                key = tuple(sorted(swapped.model.names()))
-                self.scores[key] = min(self.scores[key], as_well)
-                if as_well <= own:
-                    fitted, folds, remaining = swapped, tried, left
-                    break
-        return fitted, folds, remaining
-
-    def _takes_place(self, swapped: Fitted, fitted: Fitted, fewer: Fitted) -> bool:
-        """Whether an effect closes nearly all that the one closes which it was put in place of.
-
-        Args:
-            swapped: with the effect.
-            fitted: with the other one.
-            fewer: without either.
-        """
-        left, own, open_ = (self._loop.gap(f.residual) for f in (swapped, fitted, fewer))
-        return left - own <= (1.0 - ENOUGH) * (open_ - own)
 
     def _candidates(self, fitted: Fitted, names: Sequence[str]) -> tuple[list[Candidate], F64]:
         """Starts of these effects beside a model, best first; derivatives by base parameters."""
