@@ -119,8 +119,8 @@ def _notices(report: findings.GapReport) -> list[Fact]:
     ]
     notices += [
         Fact(
-            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
-            f"{f.unit} fitted"
+            f"{f.axis}: {f.figure}: unknown in the machine file, "
+            + (f"{f.value:.4g} ± {f.sigma:.2g} {f.unit} fitted" if f.value else "0 fits best")
         )
         for f in report.fitted
     ]
