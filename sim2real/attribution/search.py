@@ -52,6 +52,7 @@ from sim2real.scoring.constants import (
     SCALED,
     TEMPER,
     WANDERS,
+    WIDE,
     WITHIN,
 )
 from stagedata import F64
@@ -66,6 +67,7 @@ def search_effects(
     loop: LoopGap,
     progress: Callable[[float], object] = lambda _: None,
     is_hopeless: Callable[[Sequence[AxisModel]], bool] = lambda _: False,
+    find_first: Callable[[], AxisModel | None] = lambda: None,
 ) -> AxisSearch:
     """Find the effects of an axis.
 
@@ -78,6 +80,8 @@ def search_effects(
         loop: closed-loop gap of the axis under a model.
         progress: called with the share done.
         is_hopeless: whether none of these models, of two effects or more, is on the right way.
+        find_first: an effect beside which all else is small; asked for where the gap is too wide
+            for scans to first order.
     """
     columns = problem.base_columns(problem.start, problem.residual(problem.start))
     plain = fit(problem, problem.start, 2, columns, thorough=False)
@@ -86,6 +90,10 @@ def search_effects(
     ranking = Ranking(problem, loop)
     selection = _Selection(problem, library, ranking, progress, is_hopeless)
     last, steps = ranking.enter(plain), dict[str, _Step]()
+    first = find_first() if open_gap > WIDE * FLOOR_LEVEL else None
+    if first is not None:
+        started = ranking.refine(ranking.fit([first], 5))
+        last = started if ranking.score(started) < ranking.score(last) else last
     # What does not show in the closed loop is no gap, whatever the innovations say, nor is what the
     # machine file's figures explain within their tolerance.
     is_gap = open_gap > OPEN * FLOOR_LEVEL and not _is_tolerance(problem, last)

@@ -155,7 +155,19 @@ class _StageSearch:
             partial(self._loop_gap, name),
             advance,
             partial(self.is_curve, name),
+            partial(self._largest, name),
         )
+
+    def _largest(self, name: str) -> AxisModel | None:
+        """The effect of any size that alone closes nearly all of the gap in force; None without."""
+        loop = self._motion_loop(name)
+        plain = [effect for effect in self._library.values() if effect.any_size]
+
+        def left(model: AxisModel) -> float:
+            return loop.gap(loop.residual(model)) - FLOOR_LEVEL
+
+        best = min(fit_alone(loop, plain), key=left, default=loop.start)
+        return best if left(best) < (1.0 - ENOUGH) * left(loop.start) else None
 
     def _loop_gap(self, name: str, model: AxisModel) -> float:
         """Squared closed-loop gap over floor of an axis under a model; the others are nominal."""
@@ -305,14 +317,17 @@ class _StageSearch:
     def _rivals(self, name: str) -> Rivals:
         """The curves of an axis, fitted when they are asked for first."""
         if name not in self._curves:
-            motions = [
-                measure_motion(m.replay.recording, replace(self._settings, start=m.replay.start))
-                for m in self._measured
-            ]
-            tolerance = self._tolerance_of(name)
-            loop = MotionLoop(name, motions, self._settings, tolerance, self._workers)
-            self._curves[name] = find_rivals(Screen(loop))
+            self._curves[name] = find_rivals(Screen(self._motion_loop(name)))
         return self._curves[name]
+
+    def _motion_loop(self, name: str) -> MotionLoop:
+        """The force of an axis along its motion."""
+        motions = [
+            measure_motion(m.replay.recording, replace(self._settings, start=m.replay.start))
+            for m in self._measured
+        ]
+        tolerance = self._tolerance_of(name)
+        return MotionLoop(name, motions, self._settings, tolerance, self._workers)
 
     def _tolerance_of(self, name: str) -> float:
         """Relative standard deviation of an axis' plant figures."""

@@ -41,6 +41,9 @@ COHERENT = 1000.0
 innovations."""
 OPEN = 2.0
 """Gap from which the closed loop needs an explanation."""
+WIDE = 1e4
+"""Gap from which scans to first order say nothing: a pull of many times friction was a level of
+friction there. The motion shows what closes nearly all of it."""
 VISIBLE = 0.25
 """Fall of the gap, both signals together, by which an effect shows in the closed loop."""
 FLIPS, CHANCE = 4000, 0.02

@@ -50,6 +50,20 @@ def late(nominal):
     return Told(diagnose(examined, TOLERANCE, known, progress=progress), told)
 
 
+@pytest.mark.slow
+def test_a_pull_of_many_times_friction_is_found_beside_another_effect(nominal):
+    """A vertical axis without a counterweight: to first order its pull is anything."""
+    there = {"force_offset": {"force": 45.0}, "cogging": {"amplitude": 1.5, "pitch": 0.03}}
+    there["cogging"]["phase"] = 1.0
+    recording = stage_with(nominal, 36, seconds=8.0, x=there)
+    rivals = ("friction_position", "presliding_stiffness", "coulomb_level", "force_constant")
+    report = diagnosed(recording, nominal[1], *there, *rivals).report
+    assert {(c.axis, c.effect) for c in report.causes} == {("x", name) for name in there}
+    assert report.unlisted == ()
+    (pull,) = (c.parameters["force"] for c in report.causes if c.effect == "force_offset")
+    assert pull.value == pytest.approx(45.0, abs=3.0 * pull.sigma)
+
+
 def test_an_effect_is_named_with_its_figures(late):
     report = late.found.report
     assert [(c.axis, c.effect) for c in report.causes] == [("y", "dead_time")]
