@@ -111,9 +111,8 @@ class Parameter:
             table = np.asarray(value, np.float64)  # a force over time has thousands of values
             within = (table > self.above) & (table >= self.least) & (table < self.below)
             refused = np.flatnonzero(~(within & np.isfinite(table)))
-            for i in refused[:1]:
-                return f"value {i + 1}: {self._refusal(value[i])}"
-            return None
+            first = int(refused[0]) if len(refused) else None
+            return None if first is None else f"value {first + 1}: {self._refusal(value[first])}"
         return self._refusal(value)
 
     def _refusal(self, value: float) -> str | None:

@@ -126,19 +126,22 @@ def _try_beside(
 
 
 def share_promised(
-    held_out: HeldOut, left: Remaining, *, widened: bool = False
+    held_out: HeldOut, left: Remaining
 ) -> tuple[float | None, tuple[float, float] | None]:
     """Share of the gap that is closed on held-out moves, and its interval.
 
     Args:
         held_out: energies of the moves.
         left: of them, by models.
-        widened: the moves do not show how others go: the lower end of the interval is halved.
     """
-    share, interval = share_closed(held_out.before, left.energies, held_out.samples)
-    if widened and interval is not None:
-        return share, (min(interval[0], _OF_OTHERS * interval[0]), interval[1])
-    return share, interval
+    return share_closed(held_out.before, left.energies, held_out.samples)
+
+
+def widened(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    """An interval of a share where the moves do not show how others go; None stays None."""
+    if interval is None:
+        return None
+    return min(interval[0], _OF_OTHERS * interval[0]), interval[1]
 
 
 def have_one_speed(examined: Examination, axis: str) -> bool:

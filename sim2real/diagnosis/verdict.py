@@ -24,6 +24,7 @@ from sim2real.diagnosis.promises import (
     only_causes,
     promise,
     share_promised,
+    widened,
     with_force,
 )
 from sim2real.diagnosis.reason import describe_far_off, give_reason
@@ -133,7 +134,7 @@ def conclude(
     alike = are_alike(examined)
     unlisted = tuple(map(less_certain, _unlisted(results))) if alike else _unlisted(results)
     promised = promise(held_out, models, causes)
-    share, _ = share_promised(held_out, promised.named)
+    share, interval = share_promised(held_out, promised.named)
     verdict = _verdict(examined, results, held_out, (considered, causes), share, whole)
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
         promised = describe_rest(promised, examined, held_out, unlisted)
@@ -152,15 +153,14 @@ def conclude(
         steps=_steps(results) if causes or examined.open_loop is not None else (),
     )
     if causes or promised.forces:
-        by_twin, its_interval = share_promised(held_out, promised.twin, widened=bool(limits))
+        by_twin, of_twin = share_promised(held_out, promised.twin)
         report = replace(
             report,
             empirical=promised.forces,
             gap_closed_by_twin=by_twin,
-            gap_closed_by_twin_interval=its_interval,
+            gap_closed_by_twin_interval=widened(of_twin) if limits else of_twin,
         )
     if causes:
-        _, interval = share_promised(held_out, promised.named, widened=bool(limits))
         in_sample = None
         if held_out.fitted is not None and is_whole_model:
             in_sample, _ = share_closed(held_out.before, held_out.fitted, held_out.samples)
@@ -174,7 +174,7 @@ def conclude(
                 for axis, signals in (examined.gap or {}).items()
             },
             gap_closed=share,
-            gap_closed_interval=interval,
+            gap_closed_interval=widened(interval) if limits else interval,
             gap_closed_in_sample=in_sample,
             figures=changes,
         )
